@@ -17,7 +17,7 @@ const SURE_MIN: usize = 3;
 /// … up to this many times in all.
 const SEARCHES_MAX: usize = 4;
 /// Number of the best hands that are moved to where they fit better, if the judge is as sure of them there …
-const MOVED: usize = 64;
+const MOVED: usize = 32;
 /// … but for this.
 const AS_SURE: f32 = 0.01;
 /// Number of hands whose mirror images are judged, too.

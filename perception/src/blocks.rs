@@ -119,6 +119,16 @@ impl SurfaceBlocks {
         (self.numbers.iter().map(|number| self.lattice_of(*number)).collect(), &mut self.values)
     }
 
+    /// Whether the block around a point of the workspace has values.
+    #[must_use]
+    pub fn has(&self, point_m: Vec3) -> bool {
+        let at = (in_voxels(&self.lattice, point_m) / CELLS as f32).floor();
+        let last = Vec3::from_array(self.counts.map(|count| count as f32));
+        let is_inside = at.cmpge(Vec3::ZERO).all() && at.cmplt(last).all();
+        let [x, y, z] = at.to_array().map(|along| along as usize);
+        is_inside && self.places[(x * self.counts[1] + y) * self.counts[2] + z] != NONE
+    }
+
     fn lattice_of(&self, number: usize) -> Lattice {
         let [_, y, z] = self.counts;
         let first = [number / (y * z), number / z % y, number % z].map(|block| (CELLS * block) as f32);

@@ -62,7 +62,7 @@ impl Tsdf {
     /// camera saw nothing.
     pub fn integrate_lines(&mut self, camera: &Camera, mut look_up: impl FnMut(&[[usize; 2]], &mut [f32])) {
         let [_, width, height] = self.lattice.counts;
-        let mut column = Column::new(camera, &self.lattice, 0..height);
+        let mut column = Column::new(camera, &self.lattice, 0..height, 1);
         let slabs = self.mean.chunks_mut(width * height).zip(self.weight.chunks_mut(width * height));
         for (i, (mean, weight)) in slabs.enumerate() {
             column.fuse_slab(i, self.truncation_m, &mut look_up, (mean, weight));
@@ -122,8 +122,9 @@ pub fn fuse_images(lattice: impl Into<Lattice>, truncation_voxels: f32, views: &
     if heights.is_empty() {
         return VoxelGrid { lattice, values };
     }
-    let columns =
-        || -> Vec<Column> { views.iter().map(|(camera, _)| Column::new(camera, &lattice, heights.clone())).collect() };
+    let columns = || -> Vec<Column> {
+        views.iter().map(|(camera, _)| Column::new(camera, &lattice, heights.clone(), 1)).collect()
+    };
     let slabs = values.par_chunks_mut(width * height).enumerate().with_min_len(4);
     slabs.for_each_init(columns, |columns, (i, slab)| {
         let (mut mean, mut weight) = (vec![0.0; width * heights.len()], vec![0.0; width * heights.len()]);
@@ -140,28 +141,32 @@ pub fn fuse_images(lattice: impl Into<Lattice>, truncation_voxels: f32, views: &
     VoxelGrid { lattice, values }
 }
 
-/// The same field, but only in blocks near something that was seen: elsewhere all voxels are stored as 0.
+/// The same field, but only in blocks near something that was seen above a height of `above_m`: elsewhere all voxels
+/// are stored as 0.
 ///
 /// # Panics
 /// If the truncation is not above 0.
 #[must_use]
-pub fn fuse_blocks(lattice: &Lattice, truncation_voxels: f32, views: &[(Camera, &DepthImage)]) -> SurfaceBlocks {
+pub fn fuse_blocks(
+    lattice: &Lattice,
+    truncation_voxels: f32,
+    above_m: f32,
+    views: &[(Camera, &DepthImage)],
+) -> SurfaceBlocks {
     let truncation_m = truncation_m(lattice, truncation_voxels);
-    let mut blocks = SurfaceBlocks::new(*lattice, &near_surfaces(lattice, truncation_m, views));
+    let mut blocks = SurfaceBlocks::new(*lattice, &near_surfaces(lattice, truncation_m, above_m, views));
     let (lattices, values) = blocks.parts_mut();
     let columns =
-        || -> Vec<Column> { views.iter().map(|(camera, _)| Column::new(camera, lattice, 0..VOXELS)).collect() };
+        || -> Vec<Column> { views.iter().map(|(camera, _)| Column::new(camera, lattice, 0..VOXELS, LINES)).collect() };
     values.par_chunks_mut(VALUES).zip(lattices).with_min_len(16).for_each_init(
         columns,
         |columns, (values, lattice)| {
             let (mut mean, mut weight) = ([0.0; VALUES], [0.0; VALUES]);
             for (column, (_, image)) in columns.iter_mut().zip(views) {
                 column.lattice = lattice;
-                let mut look_up = one_by_one(|pixel| image.at(pixel));
-                let slabs = mean.chunks_mut(VOXELS * VOXELS).zip(weight.chunks_mut(VOXELS * VOXELS));
-                for (i, slab) in slabs.enumerate() {
-                    column.fuse_slab(i, truncation_m, &mut look_up, slab);
-                }
+                (0..LINES).for_each(|line| column.project(line, [line / VOXELS, line % VOXELS]));
+                column.look_up(&mut one_by_one(|pixel| image.at(pixel)));
+                column.fuse(truncation_m, &mut mean, &mut weight);
             }
             values
                 .iter_mut()
@@ -172,11 +177,13 @@ pub fn fuse_blocks(lattice: &Lattice, truncation_voxels: f32, views: &[(Camera, 
     blocks
 }
 
+/// Lines of a block's voxels along z.
+const LINES: usize = VOXELS * VOXELS;
 /// About so many pixels along an image's width are looked at for blocks.
 const COLUMNS_PX: usize = 320;
 
-/// Of each block of a lattice, whether something was seen within the truncation of it.
-fn near_surfaces(lattice: &Lattice, truncation_m: f32, views: &[(Camera, &DepthImage)]) -> Vec<bool> {
+/// Of each block of a lattice, whether something above a height was seen within the truncation of it.
+fn near_surfaces(lattice: &Lattice, truncation_m: f32, above_m: f32, views: &[(Camera, &DepthImage)]) -> Vec<bool> {
     let counts = block_counts(lattice);
     let block_m = CELLS as f32 * lattice.voxel_size_m;
     let of_view = |(camera, image): &(Camera, &DepthImage)| {
@@ -189,6 +196,9 @@ fn near_surfaces(lattice: &Lattice, truncation_m: f32, views: &[(Camera, &DepthI
             for u in (0..image.width_px).step_by(stride) {
                 let Some(depth_m) = image.at([u, v]).filter(|depth_m| depth_m.is_finite()) else { continue };
                 let at_m = camera.workspace_from_camera.translation + turn * camera.intrinsics.ray([u, v]) * depth_m;
+                if at_m.z < above_m {
+                    continue;
+                }
                 let margin_m = truncation_m + pixel * depth_m;
                 // Blocks begin at the centre of the lattice's first voxel; a negative number rounds to 0.
                 let block = |along_m: f32| ((along_m - 0.5 * lattice.voxel_size_m) / block_m).floor();
@@ -287,11 +297,11 @@ struct Column {
 }
 
 impl Column {
-    fn new(camera: &Camera, lattice: &Lattice, heights: Range<usize>) -> Self {
+    fn new(camera: &Camera, lattice: &Lattice, heights: Range<usize>, lines: usize) -> Self {
         let lens = camera.intrinsics;
         let square = |x: f32| x * x;
         let camera_from_workspace = camera.workspace_from_camera.inverse();
-        let blank = vec![0.0; heights.len()];
+        let blank = vec![0.0; heights.len() * lines];
         Self {
             lens,
             lattice: *lattice,
@@ -304,7 +314,7 @@ impl Column {
             z_m: blank.clone(),
             depth_m: blank.clone(),
             ray2: blank,
-            pixels: vec![[0; 2]; heights.len()],
+            pixels: vec![[0; 2]; heights.len() * lines],
             heights,
         }
     }
@@ -319,17 +329,18 @@ impl Column {
     ) {
         let count = self.heights.len();
         for (j, (mean, weight)) in mean.chunks_mut(count).zip(weight.chunks_mut(count)).enumerate() {
-            self.project(i, j);
+            self.project(0, [i, j]);
             self.look_up(look_up);
             self.fuse(truncation_m, mean, weight);
         }
     }
 
-    /// The pixels of the voxels of column (i, j); the arithmetic of [`Intrinsics::project`].
-    fn project(&mut self, i: usize, j: usize) {
+    /// The pixels of the voxels of column (i, j), as one of the lines; the arithmetic of [`Intrinsics::project`].
+    fn project(&mut self, line: usize, [i, j]: [usize; 2]) {
         let (lens, step_m) = (self.lens, self.step_m);
         let first_m = self.camera_from_workspace * self.lattice.centre_m([i, j, 0]);
-        let slots = self.u.iter_mut().zip(&mut self.v).zip(&mut self.z_m);
+        let own = line * self.heights.len()..(line + 1) * self.heights.len();
+        let slots = self.u[own.clone()].iter_mut().zip(&mut self.v[own.clone()]).zip(&mut self.z_m[own]);
         for (k, ((u, v), z_m)) in self.heights.clone().zip(slots) {
             let voxel_m = first_m + step_m * (k as u32 as f32);
             let ahead = if voxel_m.z > 0.0 { 0.5 } else { f32::NAN };

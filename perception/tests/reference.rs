@@ -182,8 +182,10 @@ fn blocks_are_the_field_where_it_has_values() {
         let views = draw_views(&params, &grid, &mut Stream::new(seed, 2, Purpose::Views, 0));
         let views: Vec<(Camera, &DepthImage)> =
             views.iter().zip(&images).map(|(view, image)| (camera_at(view, &grid, lens), image)).collect();
-        let (dense, blocks) =
-            (fuse_images(lattice, TRUNCATION_VOXELS, &views), fuse_blocks(&lattice, TRUNCATION_VOXELS, &views));
+        let (dense, blocks) = (
+            fuse_images(lattice, TRUNCATION_VOXELS, &views),
+            fuse_blocks(&lattice, TRUNCATION_VOXELS, f32::NEG_INFINITY, &views),
+        );
         let mut off = 0;
         for flat in 0..lattice.len() {
             let voxel = lattice.voxel(flat);

@@ -37,6 +37,7 @@ mod width;
 
 pub use config::{BuiltIn, Config, Policy};
 pub use frame::FoundTable;
+pub use limits::WillDo;
 pub use observation::{
     Cone, FindTable, Limits, Mask, Observation, PlanOptions, PoseKey, Target, View, WORKSPACE_M, plane,
 };

@@ -17,6 +17,9 @@ const TABLE_M: f32 = 0.004;
 /// What is between the fingers reaches this far beyond the tips and beside the fingers.
 const BETWEEN_MARGIN_M: f32 = 0.002;
 
+/// Whether a grasp, in the workspace, will do.
+pub type WillDo<'a> = dyn Fn(&Pose) -> bool + Sync + 'a;
+
 /// Limits, ready to be held against grasps; it counts what they refuse.
 pub(crate) struct Limiter<'a> {
     limits: &'a Limits,
@@ -26,7 +29,7 @@ pub(crate) struct Limiter<'a> {
     /// Points of the surface off the table: the target's, and the others.
     points_m: Option<[Vec<Vec3>; 2]>,
     /// Whether a camera looks at the fingers, and the caller's own.
-    will_do: [&'a (dyn Fn(&Pose) -> bool + Sync); 2],
+    will_do: [&'a WillDo<'a>; 2],
     refused: [AtomicUsize; Limit::ALL.len()],
 }
 
@@ -38,7 +41,7 @@ impl<'a> Limiter<'a> {
         gripper: &Gripper,
         pregrasp_m: f32,
         points_m: Option<[Vec<Vec3>; 2]>,
-        will_do: [&'a (dyn Fn(&Pose) -> bool + Sync); 2],
+        will_do: [&'a WillDo<'a>; 2],
     ) -> Self {
         let swept = gripper.open_hand().map(|part| part.swept_back(pregrasp_m));
         let corners_m = swept.iter().flat_map(corners).collect();

@@ -109,7 +109,8 @@ pub struct PlanOptions {
     pub grasps_max: Option<usize>,
     /// Whether to list dropped candidates with reasons.
     pub explain: bool,
-    /// Hands that failed, in the workspace: none like them is offered.
+    /// Hands that failed, in the workspace or, where the table is found, in the first camera's frame: none like them is
+    /// offered.
     pub avoid: Vec<Pose>,
     /// Which grasps are wanted.
     pub limits: Limits,
@@ -119,6 +120,12 @@ impl PlanOptions {
     /// The wrist's orientation, by default [`WRIST_DOWN`].
     pub(crate) fn wrist(&self) -> Quat {
         self.workspace_from_wrist.unwrap_or(WRIST_DOWN)
+    }
+
+    /// The options where the table was found: failed hands were given in the first camera's frame.
+    pub(crate) fn seen_from(&self, workspace_from_first: Pose) -> Self {
+        let avoid = self.avoid.iter().map(|failed| workspace_from_first * *failed).collect();
+        Self { avoid, ..self.clone() }
     }
 
     /// The workspace, if the network's is `grid`: its voxels, but as many as its side takes.

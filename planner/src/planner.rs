@@ -14,13 +14,13 @@ use crate::frame::{self, FoundTable};
 use crate::hand::HandVolume;
 use crate::input::{InputError, read_file, refuse};
 use crate::judge::JudgeMethod;
-use crate::limits::{Limiter, object_points, seen_points};
+use crate::limits::{Limiter, WillDo, object_points, seen_points};
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::{Mask, Observation, PlanOptions, Target, View};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, SegmentedCloud};
 use crate::rank;
 use crate::segment::{Segments, segment};
-use crate::timing::timed;
+use crate::timing::{Timings, timed};
 use crate::volume::fuse;
 use crate::voxel::VoxelMethod;
 use crate::width::Widths;
@@ -158,28 +158,31 @@ impl Planner {
         &self,
         observation: &Observation,
         options: &PlanOptions,
-        will_do: &(dyn Fn(&Pose) -> bool + Sync),
+        will_do: &WillDo<'_>,
     ) -> Result<Plan, InputError> {
-        let mut timings_ms = Vec::new();
-        let found = options.find_table.as_ref().map(|wanted| {
-            timed(&mut timings_ms, "table", || frame::find(observation, wanted, &self.grid, self.config.seed))
-        });
-        let found = found.transpose()?;
-        let moved = found.as_ref().map(|found| frame::moved(observation, &found.workspace_from_first));
-        let observation = moved.as_ref().unwrap_or(observation);
-        let workspace_from_first = match observation {
-            Observation::Views(views) => views.first().map(|view| view.camera.workspace_from_camera),
-            _ => found.as_ref().map(|found| found.workspace_from_first),
-        };
-        let mut warnings: Vec<String> = self.warning.iter().cloned().collect();
-        match (&found, observation) {
-            (Some(found), _) => warnings.extend(found.warning()),
-            (None, Observation::Views(views)) => {
-                let base = options.base_from_workspace;
-                warnings.extend(frame::disagreements(views, base, &self.grid, self.config.seed));
+        let seed = self.config.seed;
+        let (mut timings_ms, mut warnings) = (Vec::new(), Vec::from_iter(self.warning.clone()));
+        let Some(wanted) = &options.find_table else {
+            if let Observation::Views(views) = observation {
+                warnings.extend(frame::disagreements(views, options.base_from_workspace, &self.grid, seed));
             }
-            (None, _) => {}
-        }
+            return self.plan_in_workspace(observation, options, (will_do, None), (timings_ms, warnings));
+        };
+        let found = timed(&mut timings_ms, "table", || frame::find(observation, wanted, &self.grid, seed))?;
+        warnings.extend(found.warning());
+        let moved = frame::moved(observation, &found.workspace_from_first);
+        let options = options.seen_from(found.workspace_from_first);
+        self.plan_in_workspace(&moved, &options, (will_do, Some(found)), (timings_ms, warnings))
+    }
+
+    /// The same where the workspace is known.
+    fn plan_in_workspace(
+        &self,
+        observation: &Observation,
+        options: &PlanOptions,
+        (will_do, found): (&WillDo<'_>, Option<FoundTable>),
+        (mut timings_ms, mut warnings): (Timings, Vec<String>),
+    ) -> Result<Plan, InputError> {
         let workspace = self.method.workspace(&self.config, options);
         let mut volume = timed(&mut timings_ms, "fuse", || fuse(observation, &workspace, self.config.cloud))?;
         // The object at a point takes the segments; otherwise the network runs beside the segmentation.
@@ -221,6 +224,10 @@ impl Planner {
             },
         );
         timings_ms.append(&mut segment_ms);
+        let workspace_from_first = match observation {
+            Observation::Views(views) => views.first().map(|view| view.camera.workspace_from_camera),
+            _ => found.as_ref().map(|found| found.workspace_from_first),
+        };
         let seen = Seen { region: volume.grid.lattice, scene, workspace_from_first, table: found };
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(candidates, segments, seen, &request));
         if let Observation::Views(views) = observation {

@@ -58,10 +58,15 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
             };
             let seen: Vec<(Camera, &DepthImage)> = views.iter().map(|view| (view.camera, &view.image)).collect();
             let voxels = fuse_images(region.lattice, TRUNCATION_VOXELS, &seen);
-            let fine = fine_lattice(&region.lattice, params).map(|fine| fuse_blocks(&fine, TRUNCATION_VOXELS, &seen));
-            let points_m = fine
-                .as_ref()
-                .map_or_else(|| surface_cloud(&voxels, params.pitch_m), |fine| surface_of_blocks(fine, params.pitch_m));
+            // The bare table is as good in coarse voxels.
+            let above_m = grid.table_z_m + ROUGH_M;
+            let fine =
+                fine_lattice(&region.lattice, params).map(|fine| fuse_blocks(&fine, TRUNCATION_VOXELS, above_m, &seen));
+            let mut points_m = surface_cloud(&voxels, params.pitch_m);
+            if let Some(fine) = &fine {
+                points_m.retain(|point_m| !fine.has(*point_m));
+                points_m.append(&mut surface_of_blocks(fine, params.pitch_m));
+            }
             let (reach_m, rendered) = (region.reach_m, Vec::new());
             Ok(Volume { grid: voxels, points_m, fine, reach_m, rendered, warnings })
         }
@@ -81,6 +86,9 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
         Observation::Cloud { points_m, eyes_m } => fuse_cloud(points_m, eyes_m, workspace, params.pitch_m),
     }
 }
+
+/// What is seen no higher than this above the table's height is the table.
+const ROUGH_M: f32 = 0.004;
 
 /// The voxels of the finer TSDF of a region, if there is one.
 fn fine_lattice(lattice: &Lattice, params: CloudParams) -> Option<Lattice> {

@@ -135,7 +135,9 @@ impl<'a> Widths<'a> {
             let grasp_from_camera = workspace_from_grasp.inverse() * view.camera.workspace_from_camera;
             for v in pixels(lens.fy_px, lens.cy_px, at_m.y, view.image.height_px) {
                 for u in columns.clone() {
-                    let Some(depth_m) = view.image.at([u, v]).filter(|depth_m| depth_m.is_finite()) else { continue };
+                    // Most of what is seen around is further away. (False for what is not finite.)
+                    let is_near = |depth_m: &f32| (depth_m - at_m.z).abs() <= half_m.length();
+                    let Some(depth_m) = view.image.at([u, v]).filter(is_near) else { continue };
                     let in_camera_m = lens.ray([u, v]) * depth_m;
                     let point_m = grasp_from_camera * in_camera_m;
                     let is_between = (point_m + Vec3::new(0.0, 0.0, half_m.z)).abs().cmple(half_m).all();

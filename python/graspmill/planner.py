@@ -270,7 +270,7 @@ def _planned(begin: Callable[..., _native.Plan | _native.Planning], *observation
     try:
         step = planning.next(None)
         while not isinstance(step, _native.Plan):
-            step = planning.next(bool(accept(_arrays.matrices([step])[0])))
+            step = planning.next(_arrays.flag("what accept returns", accept(_arrays.matrices([step])[0])))
     finally:
         planning.leave()
     return Plan._of(step)
@@ -486,9 +486,9 @@ _CHECKS: dict[str, Callable[[Any], Any]] = {
     "base_from_workspace": lambda value: _arrays.pose("base_from_workspace", value),
     "workspace_from_wrist": _wrist,
     "policy": lambda value: _arrays.text("policy", value),
-    "check_collisions": bool,
+    "check_collisions": lambda value: _arrays.flag("check_collisions", value),
     "grasps_max": lambda value: _arrays.whole("grasps_max", value, 1, 10_000),
-    "explain": bool,
+    "explain": lambda value: _arrays.flag("explain", value),
     "avoid": _avoided,
     "target_m": lambda value: _numbers("target_m", value, 3),
     "approach": _cone,

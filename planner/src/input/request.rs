@@ -77,8 +77,9 @@ pub struct RequestInput {
     pub grasps_max: Option<usize>,
     /// Whether to list dropped candidates with reasons.
     pub explain: Option<bool>,
-    /// Hands that failed, at most 256: the `workspace_from_grasp` of grasps of earlier plans. No grasp is offered whose
-    /// tips are within 10 mm and whose axes are within 30° of one of them.
+    /// Hands that failed, at most 256: the `workspace_from_grasp` of grasps of earlier plans or, where the table is
+    /// found, their `camera_from_grasp`. No grasp is offered whose tips are within 10 mm and whose axes are within
+    /// 30° of one of them.
     #[serde(default, deserialize_with = "at_most::<_, _, AVOID_MAX>")]
     pub avoid: Option<Vec<PoseInput>>,
     /// Only grasps of the object at this point of the workspace, in metres: of the cluster of the seen surface that is
