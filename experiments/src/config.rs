@@ -435,7 +435,10 @@ mod tests {
     fn the_digest_is_that_of_what_is_stored() {
         let digest = "e46e2aae039fa3e5e823f0a3fcf7399113eddc50010276208cc56ee4a9035e5b";
         let before = [("plan", "paper"), ("protocol", "pile, 5 objects, 6 views")];
-        assert_eq!(digest_of(REFERENCE, &before), digest);
+        // Keys that were added since have a default.
+        let is_old = |line: &&str| !line.starts_with("frames") && !line.starts_with("table_size_m");
+        let text: String = REFERENCE.lines().filter(is_old).map(|line| format!("{line}\n")).collect();
+        assert_eq!(digest_of(&text, &before), digest);
     }
 
     #[test]

@@ -10,10 +10,13 @@ const MARGIN: f32 = 1.02;
 /// A point is drawn as a disc of this radius, in spacings of the cloud: from 0.71 a square lattice has no holes.
 const DISC_SPACINGS: f32 = 0.8;
 
+/// Cameras that look at wide tables stand no nearer than this to their middle.
+pub const NEAR_M: f32 = 0.3;
+
 /// The pose of a camera at a point that looks at the middle of a lattice's floor, image up towards workspace up.
 ///
-/// `None` if the eye is closer to that middle than the lattice is wide (then parts of it would lie behind the camera),
-/// below the floor, or not finite.
+/// `None` if the eye is closer to that middle than a small lattice is wide (then much of it would lie behind the
+/// camera) or than [`NEAR_M`], below the floor, or not finite.
 #[must_use]
 pub fn view_from(eye_m: Vec3, lattice: &Lattice) -> Option<Pose> {
     let [low_m, high_m] = lattice.corners_m();
@@ -21,7 +24,7 @@ pub fn view_from(eye_m: Vec3, lattice: &Lattice) -> Option<Pose> {
     let (off, wide_m) = (eye_m - middle_m, (high_m - low_m).truncate().max_element());
     let radius_m = off.length();
     // False for NaN.
-    if !(radius_m >= wide_m && radius_m < 1e3 && off.z >= 0.0) {
+    if !(radius_m >= wide_m.min(NEAR_M) && radius_m < 1e3 && off.z >= 0.0) {
         return None;
     }
     let polar_rad = libm::acosf((off.z / radius_m).clamp(-1.0, 1.0));

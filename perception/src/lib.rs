@@ -41,7 +41,7 @@ mod tsdf;
 mod views;
 
 pub use blocks::{Field, SurfaceBlocks, mean_distance};
-pub use cloud_view::{cloud_image, view_from};
+pub use cloud_view::{NEAR_M, cloud_image, view_from};
 pub use clusters::{ClusterParams, clusters};
 pub use level::{TableArea, scaled_to_table, table_around};
 pub use noise::{DepthNoise, DexNoise, StereoNoise, add_depth_noise};

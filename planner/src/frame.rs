@@ -34,6 +34,8 @@ const STRONG: f32 = 0.3;
 /// Things are higher than this above the table, and cut where so many pixels of the border show them.
 const CUT_M: f32 = 0.02;
 const CUT_PX_MIN: usize = 12;
+/// Units of depth that are taken for millimetres, in millimetres.
+const UNITS: [f32; 4] = [0.1, 0.25, 0.125, 10.0];
 /// A principal point is rarely further from the middle of its image, in the image's sides.
 const CENTRE_OFF_MAX: f32 = 0.2;
 
@@ -89,11 +91,18 @@ pub(crate) fn find(
         Observation::Cloud { points_m, .. } => points_m.clone(),
         Observation::Tsdf(_) => return refuse("in a TSDF the table is at its height, and cannot be found: tsdf"),
     };
-    let candidates = find_tables(&points_m, wanted.down, &mut Stream::new(seed, 0, Purpose::Plane, 1));
+    let stream = || Stream::new(seed, 0, Purpose::Plane, 1);
+    let candidates = find_tables(&points_m, wanted.down, &mut stream());
     let Some(best) = candidates.first().filter(|best| best.score > 0.0) else {
-        return refuse(
-            "no table was found in what the camera sees between 0.1 m and 2.5 m: give the camera's pose, workspace_from_camera",
-        );
+        let of_other_unit = UNITS.into_iter().find(|unit| {
+            let scaled: Vec<Vec3> = points_m.iter().map(|at| *at * *unit).collect();
+            find_tables(&scaled, wanted.down, &mut stream()).first().is_some_and(|best| best.share > SHARE_MIN)
+        });
+        let hint = match of_other_unit {
+            Some(unit) => format!("one would be seen if the depths were {unit} of what they are (set depth_scale_m)"),
+            None => "give the camera's pose, workspace_from_camera".to_owned(),
+        };
+        return refuse(format!("no table was found in what the camera sees between 0.1 m and 2.5 m: {hint}"));
     };
     let up = best.plane.normal;
     let along = (Vec3::X - up * up.x).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
@@ -180,7 +189,7 @@ impl Mistakes {
         let axes = [Axes::OpenGl, Axes::Body].map(|axes| Self { axes, ..Self::NONE });
         let inverted = Self { is_inverted: true, ..Self::NONE };
         let single = [inverted, Self { is_in_mm: true, ..Self::NONE }, Self { is_w_first: true, ..Self::NONE }];
-        let units = [0.1, 0.25, 0.125, 10.0].map(|depths| Self { depths, ..Self::NONE });
+        let units = UNITS.map(|depths| Self { depths, ..Self::NONE });
         let both = axes.map(|axes| Self { is_inverted: true, ..axes });
         let in_mm = [axes[0], inverted, both[0]].map(|mistakes| Self { is_in_mm: true, ..mistakes });
         [&axes[..], &single, &units, &both, &in_mm].concat()
@@ -332,6 +341,24 @@ fn misplaced(view: &View, base_from_workspace: Option<Pose>, grid: &Grid, seed: 
     nearest?;
     let own_frame = if given == Pose::IDENTITY { ": the pose is the identity, the camera's own frame" } else { "" };
     Some(format!("{elsewhere}{own_frame}; the table can be found, if {} is \"table\"", view.key.name()))
+}
+
+/// The warning for a cloud that shows no table where the workspace has it, but one as a camera sees it.
+pub(crate) fn in_camera_frame(points_m: &[Vec3], grid: &Grid, seed: u64) -> Option<String> {
+    let on_table = points_m.iter().filter(|at| (at.z - grid.table_z_m).abs() <= HEIGHT_OFF_M_MAX).count();
+    if on_table as f32 >= SHARE_MIN * points_m.len() as f32 {
+        return None;
+    }
+    let found = find_tables(points_m, None, &mut Stream::new(seed, 0, Purpose::Plane, 1));
+    // Below a camera that stands upright, y points down and z forward.
+    let is_seen_so = |best: &TableCandidate| best.share > 0.2 && best.plane.normal.z < 0.0;
+    found.first().is_some_and(is_seen_so).then(|| {
+        format!(
+            "the cloud has no table at z = {:.0} mm, where the workspace has it, but one as its camera would see it: is it in its \
+             camera's own frame (workspace_from_cloud = \"table\")?",
+            1e3 * grid.table_z_m
+        )
+    })
 }
 
 /// Warnings for views of which the border cuts things within reach.

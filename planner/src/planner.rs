@@ -163,8 +163,14 @@ impl Planner {
         let seed = self.config.seed;
         let (mut timings_ms, mut warnings) = (Vec::new(), Vec::from_iter(self.warning.clone()));
         let Some(wanted) = &options.find_table else {
-            if let Observation::Views(views) = observation {
-                warnings.extend(frame::disagreements(views, options.base_from_workspace, &self.grid, seed));
+            match observation {
+                Observation::Views(views) => {
+                    warnings.extend(frame::disagreements(views, options.base_from_workspace, &self.grid, seed));
+                }
+                Observation::Cloud { points_m, .. } => {
+                    warnings.extend(frame::in_camera_frame(points_m, &self.grid, seed));
+                }
+                Observation::Tsdf(_) => {}
             }
             return self.plan_in_workspace(observation, options, (will_do, None), (timings_ms, warnings));
         };

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use perception::{
-    SurfaceBlocks, TRUNCATION_VOXELS, cloud_image, fuse_blocks, fuse_images, scaled_to_table, surface_cloud,
+    NEAR_M, SurfaceBlocks, TRUNCATION_VOXELS, cloud_image, fuse_blocks, fuse_images, scaled_to_table, surface_cloud,
     surface_of_blocks, table_around, thinned, view_from,
 };
 use schema::{Camera, DepthImage, Grid, Lattice, Vec3, VoxelGrid};
@@ -198,8 +198,9 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], workspace: &Workspace, pitch_m
                 );
             }
             return refuse(format!(
-                "an eye must be above the floor and {wide_m} m to 1000 m from the middle of the workspace's floor, got \
-                 {eye_m}: eyes_m or the cloud's viewpoint"
+                "an eye must be above the floor and {} m to 1000 m from the middle of the workspace's floor, got \
+                 {eye_m}: eyes_m or the cloud's viewpoint",
+                wide_m.min(NEAR_M)
             ));
         };
         let spacing_m = spacing_m.max(pitch_m);
