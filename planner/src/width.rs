@@ -13,7 +13,7 @@ const POINTS_MIN: usize = 10;
 /// Fewest points of a row.
 const ROW_MIN: usize = 3;
 /// This share of the points at either end may be noise.
-const NOISE_SHARE: f32 = 0.01;
+const NOISE_SHARE: f32 = 0.005;
 /// Points of one height, along the fingers.
 const ROW_M: f32 = 0.005;
 /// The end of a row ends the whole if it is as far out but for this.
@@ -25,7 +25,7 @@ const BEHIND_M: f32 = 0.004;
 /// So much of a finger, from its tip, closes on something.
 const TIP_M: f32 = 0.02;
 /// Least room to either side of what is between open fingers.
-const ROOM_M: f32 = 0.005;
+const ROOM_M: f32 = 0.008;
 
 /// Images, for measuring widths.
 pub(crate) struct Widths<'a> {
@@ -95,22 +95,31 @@ impl<'a> Widths<'a> {
 
     fn between(&self, workspace_from_grasp: &Pose) -> Option<Between> {
         let mut points_m = self.points_between(workspace_from_grasp);
-        let ends_m = ends(points_m.iter().map(|at| at.y).collect(), POINTS_MIN)?;
+        let mut ends_m = ends(points_m.iter().map(|at| at.y).collect(), POINTS_MIN)?;
         let row = |at: &Vec3| (-at.z / ROW_M) as usize;
         points_m.sort_by_key(row);
         let (mut are_seen, mut seen, mut count) = ([false; 2], 0, 0);
         for points in points_m.chunk_by(|a, b| row(a) == row(b)) {
             let Some(own_m) = ends(points.iter().map(|at| at.y).collect(), ROW_MIN) else { continue };
-            let z_m = points.iter().map(|at| at.z).sum::<f32>() / points.len() as f32;
             for end in 0..2 {
-                let outwards = [-1.0, 1.0][end];
-                let beyond = BEYOND_M.map(|m| *workspace_from_grasp * Vec3::new(0.0, own_m[end] + outwards * m, z_m));
+                let outwards = Vec3::new(0.0, [-1.0, 1.0][end], 0.0);
+                // The middle of the end: beside it the hand may reach beyond a corner of the thing.
+                let last = points.iter().filter(|at| (at.y - own_m[end]).abs() <= END_M);
+                let (sum, last) = last.fold((Vec3::ZERO, 0), |(sum, count), at| (sum + *at, count + 1));
+                let at_m = (sum / last.max(1) as f32).with_y(own_m[end]);
+                let beyond = BEYOND_M.map(|m| *workspace_from_grasp * (at_m + outwards * m));
                 let is_free = self.views.iter().zip(&self.cameras).any(|(view, camera)| is_free(view, camera, &beyond));
                 are_seen[end] |= is_free && (ends_m[end] - own_m[end]).abs() <= END_M;
                 seen += usize::from(is_free);
                 count += 1;
             }
         }
+        // A point is the middle of its pixel.
+        let tips_m = workspace_from_grasp.translation;
+        let pixels_m = self.views.iter().zip(&self.cameras);
+        let pixels_m = pixels_m.map(|(view, camera)| (*camera * tips_m).z.abs() / view.camera.intrinsics.fx_px);
+        let half_m = 0.5 * pixels_m.fold(f32::INFINITY, f32::min);
+        ends_m = [ends_m[0] - half_m, ends_m[1] + half_m];
         (count > 0).then(|| Between { ends_m, are_seen, seen_share: seen as f32 / count as f32 })
     }
 
@@ -152,14 +161,16 @@ impl<'a> Widths<'a> {
     }
 }
 
-/// Whether the first of these points of the workspace about which a view knows anything is free.
+/// Whether the first two of these points of the workspace about which a view knows anything are free.
 fn is_free(view: &View, camera_from_workspace: &Pose, points_m: &[Vec3]) -> bool {
-    let behind_m = points_m.iter().find_map(|point_m| {
+    let behind_m = points_m.iter().filter_map(|point_m| {
         let at_m = *camera_from_workspace * *point_m;
         let depth_m = view.camera.intrinsics.project(at_m).and_then(|pixel| view.image.at(pixel))?;
         depth_m.is_finite().then_some(depth_m - at_m.z)
     });
-    behind_m.is_some_and(|behind_m| behind_m > BEHIND_M)
+    // One pixel may be beside the edge by its rounding.
+    let first: Vec<f32> = behind_m.take(2).collect();
+    !first.is_empty() && first.iter().all(|behind_m| *behind_m > BEHIND_M)
 }
 
 fn room_m(gripper: &Gripper) -> f32 {
