@@ -21,8 +21,9 @@ import numpy as np
 import rerun as rr
 
 GRIPPERS = Path(__file__).parents[1] / "configs/grippers"
-#: What is read; the first of version 1 had `told` in place of `detail`.
-FORMATS = ("graspmill-plan/2", "graspmill-plan/1")
+#: What is read. Before version 3 the box was a cube, `grid`, and hands had only a width; the first of version 1 had
+#: `told` in place of `detail`.
+FORMATS = tuple(f"graspmill-plan/{version}" for version in (3, 2, 1))
 PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "char": "i1", "int": "<i4", "uint": "<u4", "short": "<i2", "ushort": "<u2"}
 BEST, COLLISION, GREY, INK = (0, 158, 115), (213, 94, 0), (120, 120, 120), (34, 34, 34)
 
@@ -41,11 +42,11 @@ def read_ply(path: Path) -> np.ndarray:
         raise SystemExit(f"{path}: not a cloud of plain points: {error!r}") from error
 
 
-def hand(gripper: dict, width_m: float) -> tuple[np.ndarray, np.ndarray]:
+def hand(gripper: dict, opening_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Centres and half lengths (3, 3) of the fingers and the palm in the grasp frame."""
     finger = np.array([gripper[f"finger_{part}_m"] for part in ("width", "thickness", "length")]) / 2
     palm = np.array([gripper[f"palm_{part}_m"] for part in ("width", "breadth", "length")]) / 2
-    sideways = width_m / 2 + finger[1]
+    sideways = opening_m / 2 + finger[1]
     behind = -gripper["finger_length_m"] - palm[2]
     centres = [[0, -sideways, -finger[2]], [0, sideways, -finger[2]], [0, 0, behind]]
     return np.array(centres), np.array([finger, finger, palm])
@@ -63,7 +64,7 @@ def log_grasps(recording: rr.RecordingStream, grasps: list[dict], gripper: dict)
         quaternion = rr.Quaternion(xyzw=pose["quaternion_xyzw"])
         recording.log(entity, rr.Transform3D(translation=pose["position_m"], quaternion=quaternion), static=True)
         colour = BEST if place == 0 else [60 + 105 * place // len(grasps)] * 3
-        centres, halves = hand(gripper, grasp["width_m"])
+        centres, halves = hand(gripper, grasp["opening_m"] if "opening_m" in grasp else grasp["width_m"])
         labels = ["", "", grasp_label(grasp)]
         boxes = rr.Boxes3D(centers=centres, half_sizes=halves, colors=[colour] * 3, labels=labels, show_labels=place < 5)
         recording.log(f"{entity}/hand", boxes, static=True)
@@ -84,8 +85,10 @@ def record(plan: dict, cloud: np.ndarray, gripper: dict, recording_id: str, out:
     recording = rr.RecordingStream("graspmill_plan", recording_id=recording_id, send_properties=False)
     recording.save(out)
     recording.log("workspace", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    half = [plan["grid"]["size_m"] / 2] * 3
-    recording.log("workspace/box", rr.Boxes3D(centers=[half], half_sizes=[half], colors=[GREY]), static=True)
+    region = plan.get("region") or {"low_m": [0.0] * 3, "high_m": [plan["grid"]["size_m"]] * 3}
+    low, high = np.array(region["low_m"]), np.array(region["high_m"])
+    box = rr.Boxes3D(centers=[(low + high) / 2], half_sizes=[(high - low) / 2], colors=[GREY])
+    recording.log("workspace/box", box, static=True)
     places = np.stack([cloud[axis] for axis in "xyz"], axis=1)
     colours = np.stack([cloud[channel] for channel in ("red", "green", "blue")], axis=1)
     recording.log("workspace/cloud", rr.Points3D(places, colors=colours, radii=0.00125), static=True)

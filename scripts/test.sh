@@ -5,7 +5,8 @@
 # are built. Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless
 # --rust-only. Python packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the
 # tests that need it. As root on Debian or Ubuntu, Slurm, strace, faketime, Chromium, zsh and fish are installed, too;
-# elsewhere the tests that need them are skipped with a message. With GRASPMILL_NO_SKIPS=1 any other skipped test fails.
+# elsewhere the tests that need them are skipped with a message, and so is that of real captures where GRASPMILL_REAL
+# names none (by default ../shared/real, if that exists). With GRASPMILL_NO_SKIPS=1 any other skipped test fails.
 # Every step runs even if an earlier one failed, unless it depends on it. The table at the end lists the results and
 # times. Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
 set -euo pipefail
@@ -23,6 +24,11 @@ case "${1-}" in
     --no-torch) requirements=(scripts/requirements.txt); without=torch ;;
     *) echo "usage: scripts/test.sh [--quick|--rust-only|--no-torch]" >&2; exit 2 ;;
 esac
+
+if [[ -z ${GRASPMILL_REAL-} && -d ../shared/real ]]; then
+    GRASPMILL_REAL=$(realpath ../shared/real)
+    export GRASPMILL_REAL
+fi
 
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
@@ -176,6 +182,7 @@ lacking() {
     { mount -t tmpfs tmpfs "$scratch/disk" && umount "$scratch/disk"; } 2>/dev/null || echo mount
     strace -qq -f -o /dev/null -e trace=getpid -e inject=getppid:retval=1 true 2>/dev/null || echo strace
     echo "$without"
+    [[ -n ${GRASPMILL_REAL-} ]] || echo graspmill_real
 }
 
 dataset() {

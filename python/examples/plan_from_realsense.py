@@ -39,16 +39,25 @@ def live() -> tuple[np.ndarray, dict[str, float]]:
 
 
 depth, lens = live() if "--live" in sys.argv else recorded()
-# Where the camera is: from your calibration, such as a marker on the table. The workspace is a cube of 0.30 m whose
-# floor is 50 mm below the table's top.
-workspace_from_camera = np.array(json.loads((HERE / "workspace_from_camera.json").read_text()))
-
-height, width = depth.shape
-camera = graspmill.Camera(width, height, lens["fx"], lens["fy"], lens["ppx"], lens["ppy"], workspace_from_camera)
+depth_m = depth.astype(np.float32) * lens["depth_scale_m"]
+K = [[lens["fx"], 0, lens["ppx"]], [0, lens["fy"], lens["ppy"]], [0, 0, 1]]
 planner = graspmill.Planner(gripper="franka_hand")
-plan = planner.plan(depth.astype(np.float32) * lens["depth_scale_m"], camera, check_collisions=True, approach=((0, 0, -1), 1.0))
+
+# A depth image and its lens are enough: the table is found, and grasps are in the camera's frame.
+plan = planner.plan(depth_m, graspmill.Camera.from_K(K, depth.shape))
 print(plan, plan.warnings)
 for grasp in plan[:3]:
-    print(f"quality {grasp.quality:.3f}, opening {1e3 * grasp.width_m:.0f} mm, flange in the workspace:")
+    print(f"quality {grasp.quality:.3f}, open to {1e3 * grasp.opening_m:.0f} mm, in the camera's frame:")
+    print(np.round(grasp.camera_from_grasp, 3))
+Path("overlay.png").write_bytes(plan.overlay())
+
+# Where the camera is: from your calibration, such as a marker on the table. Then grasps are in your workspace, too,
+# whose table is 50 mm high, and may be limited there: these come from above, within 1 radian.
+workspace_from_camera = np.array(json.loads((HERE / "workspace_from_camera.json").read_text()))
+camera = graspmill.Camera.from_K(K, depth.shape, workspace_from_camera)
+plan = planner.plan(depth_m, camera, check_collisions=True, approach=((0, 0, -1), 1.0))
+print(plan, plan.warnings)
+for grasp in plan[:3]:
+    print(f"quality {grasp.quality:.3f}, open to {1e3 * grasp.opening_m:.0f} mm, flange in the workspace:")
     print(np.round(grasp.workspace_from_flange, 3))
 Path("plan.png").write_bytes(plan.picture("RealSense"))

@@ -107,6 +107,19 @@ def file_of(data):
     return {"data": base64.b64encode(data).decode()}
 
 
+def matrix(pose):
+    """The matrix of a pose of a request or an answer."""
+    x, y, z, w = pose["quaternion_xyzw"]
+    made = np.eye(4)
+    made[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    made[:3, 3] = pose["position_m"]
+    return made
+
+
 def npy(array):
     file = io.BytesIO()
     np.save(file, array)

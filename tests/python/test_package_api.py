@@ -28,6 +28,11 @@ plan: Plan = planner.plan(
     approach=((0.0, 0.0, -1.0), 0.5), keep_out=[[0.0, 1.0, 0.0, 0.05]], reach=[[0.0, 0.0, 0.0], [0.3, 0.3, 0.3]], accept=reachable)
 options: PlanOptions = {"grasps_max": 3}
 again = planner.plan_cloud(np.zeros((1, 3)), **options)
+cloud = planner.plan_cloud(np.zeros((1, 3)), workspace_from_cloud="table", down=(0.0, 0.0, 1.0))
+found = planner.plan(np.zeros((480, 640)), graspmill.Camera.from_K(np.eye(3), (480, 640)))
+picture: bytes = found.overlay(np.zeros((480, 640, 3), np.uint8))
+width_m: float | None = plan[0].width_m
+opening_m: float = plan[0].opening_m
 best: float = plan[0].score
 some: list[graspmill.Grasp] = again[:2]
 dataset = graspmill.generate("grasps", gripper="wsg_50", shards=1)
@@ -89,8 +94,14 @@ def test_cameras_by_matrix_and_translation():
     camera = graspmill.Camera.from_K(matrix, np.zeros((480, 640)).shape, (0.1, 0.2, 0.5))
     assert (camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px) == (640, 480, 600, 610, 310, 250)
     assert np.allclose(camera.workspace_from_camera, [[1, 0, 0, 0.1], [0, 1, 0, 0.2], [0, 0, 1, 0.5], [0, 0, 0, 1]])
-    with pytest.raises(graspmill.InputError, match="K must be"):
-        graspmill.Camera.from_K(np.eye(3) + 0.5, (480, 640), (0, 0, 0))
+    for same in (np.ravel(matrix), np.ravel(matrix).tolist(), np.hstack([matrix, np.zeros((3, 1))])):
+        assert graspmill.Camera.from_K(same, (480, 640), (0.1, 0.2, 0.5))._intrinsics() == camera._intrinsics()
+    for other in (np.eye(3) + 0.5, np.eye(3, 4) + np.eye(3, 4, 3), np.transpose(matrix), np.zeros(9)):
+        with pytest.raises(graspmill.InputError, match=r"K must be \[\[fx"):
+            graspmill.Camera.from_K(other, (480, 640), (0, 0, 0))
+    for other in (np.ones(6), np.eye(4), np.ones(12)):
+        with pytest.raises(graspmill.InputError, match=r"K must have the shape \[3, 3\], \[3, 4\] or \[9\], got"):
+            graspmill.Camera.from_K(other, (480, 640), (0, 0, 0))
     with pytest.raises(graspmill.InputError, match="shape must be"):
         graspmill.Camera.from_K(matrix, 480, (0, 0, 0))
 
@@ -134,8 +145,9 @@ def test_cameras_grasps_and_plans_can_be_sent_to_another_process():
         assert same.to_json() == plan.to_json() and same.timings_ms == plan.timings_ms and repr(same) == repr(plan)
         assert np.array_equal(same.cloud(), plan.cloud()) and content(same[0]) == content(plan[0])
     assert copy.deepcopy(plan).picture() and again(plan)._repr_png_() is None
-    with pytest.raises(graspmill.InputError, match="pickled"):
-        again(plan).picture()
+    for draw in (again(plan).picture, again(plan).overlay):
+        with pytest.raises(graspmill.InputError, match="pickled"):
+            draw()
     assert again(planner).plan(scene.render(camera), camera).to_json() == plan.to_json() and copy.deepcopy(planner) is planner
 
 

@@ -71,6 +71,7 @@ def test_no_call_ends_the_process_where_memory_ends(tmp_path):
         dataset = graspmill.generate({str(tmp_path / "ds")!r}, attempts=600, shards=1, seed=5)
         wide = graspmill.Camera.look_at((0.15, -0.2, 0.5), width_px=2_000, height_px=2_000)
         far = scene.render(wide)
+        bare = graspmill.Camera.from_K([[540, 0, 320], [0, 540, 240], [0, 0, 1]], (480, 640))
         rng = np.random.default_rng(1)
         corners, faces = rng.random((300, 3)) * 0.05, rng.integers(0, 300, (300, 3))
         points = rng.random((1_000_000, 3)) * (0.3, 0.3, 0.0) + (0.0, 0.0, 0.0501)
@@ -85,7 +86,9 @@ def test_no_call_ends_the_process_where_memory_ends(tmp_path):
             planner=lambda: graspmill.Planner("paper"),
             plan=lambda: planner.plan(image, camera),
             plan_wide=lambda: planner.plan(far, wide),
-            plan_large=lambda: planner.plan(image, camera, workspace_size_m=0.6),
+            plan_large=lambda: planner.plan(image, camera, workspace_size_m=1.2),
+            plan_found=lambda: planner.plan(image, bare),
+            overlay=lambda: plan.overlay(),
             accept=lambda: planner.plan(image, camera, accept=lambda _: True),
             cloud=lambda: planner.plan_cloud(points),
             picture=lambda: plan.picture(),

@@ -15,11 +15,13 @@ from hypothesis.extra import numpy as arrays  # noqa: E402
 DOWN = np.array([[1, 0, 0, 0.15], [0, -1, 0, 0.15], [0, 0, -1, 0.06], [0, 0, 0, 1]], dtype=float)
 TETRAHEDRON = ([[0, 0, 0], [0.04, 0, 0], [0, 0.04, 0], [0, 0, 0.04]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 CAMERA = graspmill.Camera.look_at((0.15, -0.2, 0.5), width_px=64, height_px=48, focal_px=54)
+BARE = graspmill.Camera.from_K([[54, 0, 32], [0, 54, 24], [0, 0, 1]], (48, 64))
 BOX = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))
 SCENE = graspmill.Scene([BOX])
 DEPTH = SCENE.render(CAMERA)
 TSDF = SCENE.tsdf([CAMERA])
 CLOUD = np.random.default_rng(1).uniform(0.1, 0.2, (60, 3))
+SEEN = (CLOUD - CAMERA.workspace_from_camera[:3, 3]) @ CAMERA.workspace_from_camera[:3, :3]
 PLANNER = graspmill.Planner(threads=1)
 
 dtypes = st.sampled_from([np.float64, np.float32, np.int64, np.uint8, np.complex64, np.bool_, "S3", "U3", "datetime64[s]"])
@@ -35,6 +37,8 @@ OPTIONS = {
     "grasps_max": 3, "explain": True, "avoid": DOWN, "target_m": (0.15, 0.15, 0.08), "approach": ((0, 0, -1), 0.5),
     "keep_out": [[0, 0, 1, 0.04]], "reach": [[0, 0, 0], [0.3, 0.3, 0.3]], "accept": None,
 }  # fmt: skip
+#: Where the table is found, its place in the base is not known.
+FOUND = {**OPTIONS, "base_from_workspace": None, "down": (0.0, 0.7, 0.7)}
 CALLS = {
     "Camera": (graspmill.Camera, {"width_px": 64, "height_px": 48, "fx_px": 54.0, "fy_px": 54.0, "cx_px": 32.0, "cy_px": 24.0, "workspace_from_camera": DOWN, "convention": "opencv"}),
     "from_K": (graspmill.Camera.from_K, {"K": np.diag([54.0, 54, 1]), "shape": (48, 64), "workspace_from_camera": DOWN, "convention": "opengl"}),
@@ -48,7 +52,10 @@ CALLS = {
     "settle": (SCENE.settle, {"drop": False, "settings": {}}),
     "execute": (graspmill.execute, {"scene": SCENE, "grasps": DOWN, "gripper": None, "targets": [0], "settings": {}, "threads": 1}),
     "plan": (PLANNER.plan, {"depths": DEPTH, "cameras": CAMERA, "mask": None, **OPTIONS}),
+    "plan_without_pose": (PLANNER.plan, {"depths": DEPTH, "cameras": BARE, "mask": None, **FOUND}),
     "plan_cloud": (PLANNER.plan_cloud, {"points_m": CLOUD, "eyes_m": [[0.1, 0.1, 0.5]], **OPTIONS}),
+    "plan_cloud_of_a_camera": (PLANNER.plan_cloud, {"points_m": SEEN, "eyes_m": None, "workspace_from_cloud": "table", **FOUND}),
+    "overlay": (PLANNER.plan(DEPTH, CAMERA).overlay, {"image": np.zeros((48, 64, 3), np.uint8)}),
     "plan_tsdf": (PLANNER.plan_tsdf, {"tsdf": TSDF, **OPTIONS}),
     "grasp_crops": (graspmill.grasp_crops, {"tsdf": TSDF, "workspace_from_grasp": DOWN, "gripper": None, "views": 6, "voxel_size_m": 0.0075, "table_z_m": 0.05}),
     "Planner": (graspmill.Planner, {"config": "judge", "model": None, "gripper": "franka_hand", "threads": 1}),

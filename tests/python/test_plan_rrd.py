@@ -24,16 +24,16 @@ def pose(*position_m):
 
 
 def made_up_plan():
-    common = {"base_from_grasp": None, "width_m": 0.04, "voxel": [1, 2, 3]}
+    common = {"base_from_grasp": None, "width_m": 0.04, "opening_m": 0.05, "voxel": [1, 2, 3]}
     return {
-        "format": "graspmill-plan/2",
+        "format": "graspmill-plan/3",
         "model": "0" * 64,
         "policy": "paper",
         "gripper": "parallel_jaw_80",
-        "grid": {"size_m": 0.3, "resolution": 40, "table_z_m": 0.05},
+        "region": {"low_m": [-0.1, 0.0, 0.0], "high_m": [0.5, 0.4, 0.3], "table_z_m": 0.05},
         "grasps": [
             {**common, "rank": 1, "workspace_from_grasp": pose(0.1, 0.1, 0.1), "quality": 0.98, "object": 0, "rho_m": 0.012},
-            {**common, "rank": 2, "workspace_from_grasp": pose(0.2, 0.1, 0.1), "quality": 0.93, "object": None, "rho_m": None},
+            {**common, "rank": 2, "workspace_from_grasp": pose(0.2, 0.1, 0.1), "quality": 0.93, "object": None, "rho_m": None, "width_m": None},
         ],
         "reason": None,
         "warnings": ["made up"],
@@ -80,8 +80,22 @@ def test_a_plan_can_be_read_back(tmp_path):
     assert len(points) == 500 and points[-1] == pytest.approx([0.3, 0, 0])
     labels = found["/workspace/grasps/001/hand"]["Boxes3D:labels"][0]
     assert labels[-1] == "1: q 0.980, rho 12.0 mm"
-    fingers = found["/workspace/grasps/001/hand"]["Boxes3D:centers"][0][:2]
-    assert fingers == [pytest.approx([0, side * 0.025, -0.025]) for side in (-1, 1)]
+    for rank in (1, 2):
+        fingers = found[f"/workspace/grasps/{rank:03}/hand"]["Boxes3D:centers"][0][:2]
+        assert fingers == [pytest.approx([0, side * 0.03, -0.025]) for side in (-1, 1)]
+    assert found["/workspace/box"]["Boxes3D:centers"][0][0] == pytest.approx([0.2, 0.2, 0.15])
+    assert found["/workspace/box"]["Boxes3D:half_sizes"][0][0] == pytest.approx([0.3, 0.2, 0.15])
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_plans_of_earlier_versions_can_be_read(tmp_path, version):
+    plan = made_up_plan() | {"format": f"graspmill-plan/{version}", "grid": {"size_m": 0.3, "resolution": 40, "table_z_m": 0.05}}
+    del plan["region"], plan["grasps"][1], plan["grasps"][0]["opening_m"]
+    done = run(tmp_path, plan, cloud(5))
+    assert done.returncode == 0, done.stderr
+    found = recorded(tmp_path / "plan.rrd")
+    assert found["/workspace/box"]["Boxes3D:centers"][0][0] == pytest.approx([0.15] * 3)
+    assert found["/workspace/grasps/001/hand"]["Boxes3D:centers"][0][0] == pytest.approx([0, -0.025, -0.025])
 
 
 def test_a_plan_without_grasps_is_a_recording_too(tmp_path):
@@ -95,7 +109,7 @@ def test_the_hand_is_the_plans(tmp_path):
     done = run(tmp_path, {**made_up_plan(), "gripper": "slim_jaw_50"}, cloud(3))
     assert done.returncode == 0, done.stderr
     boxes = recorded(tmp_path / "plan.rrd")["/workspace/grasps/001/hand"]
-    assert boxes["Boxes3D:centers"][0][0] == pytest.approx([0, -0.0225, -0.035])
+    assert boxes["Boxes3D:centers"][0][0] == pytest.approx([0, -0.0275, -0.035])
     assert boxes["Boxes3D:half_sizes"][0][0] == pytest.approx([0.005, 0.0025, 0.035])
     done = run(tmp_path, {**made_up_plan(), "gripper": "three_fingers"}, cloud(3))
     assert done.returncode == 1 and "none of franka_hand, parallel_jaw_80" in done.stderr and "Traceback" not in done.stderr

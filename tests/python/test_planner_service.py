@@ -16,7 +16,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from planner_service import DEMO, JSON, PLANNER, ROOT
-from planner_service import check_error, demo_request, file_of, metrics, npy, png, running, seen
+from planner_service import check_error, demo_request, file_of, matrix, metrics, npy, png, running, seen
 
 PATHS = {"/v1/plan", "/v1/model", "/healthz", "/readyz", "/metrics", "/openapi.json"}
 
@@ -111,6 +111,10 @@ def test_answers_are_what_the_description_says(service):
     plain, explained = planned(demo_request()), planned(demo_request() | {"explain": True, "base_from_workspace": base})
     assert plain["grasps"] and plain["objects"] and plain["plane"]
     assert explained["dropped"] and explained["grasps"][0]["base_from_grasp"]
+    assert explained["workspace_from_camera"] and not explained["table"]
+    assert all(grasp["camera_from_grasp"] and grasp["opening_m"] > 0.0 for grasp in plain["grasps"])
+    found = planned(on_table(demo_request()))
+    assert found["table"]["candidates"] and found["grasps"] and found["workspace_from_camera"] != plain["workspace_from_camera"]
     assert planned({"views": [seen()]})["reason"]
     assert planned({"tsdf": file_of(npy(np.zeros((40, 40, 40), np.float32)))})["plane"] is None
     status, _, body = service.ask("GET", "/v1/model")
@@ -119,9 +123,19 @@ def test_answers_are_what_the_description_says(service):
         answered, _, body = service.plan(request)
         assert check(json.loads(body), "/v1/plan", "post", status, answered) == "ErrorAnswer"
     # The check itself can fail.
-    for wrong in (plain | {"more": 1}, {key: plain[key] for key in plain if key != "grid"}):
+    for wrong in (plain | {"more": 1}, {key: plain[key] for key in plain if key != "region"}):
         with pytest.raises(AssertionError):
             check(wrong, "/v1/plan", "post", 200)
+
+
+def on_table(request):
+    """The same views, of which the first has no pose, and the others have theirs in its frame."""
+    places = [matrix(view["workspace_from_camera"]) for view in request["views"]]
+    views = [{key: view[key] for key in view if key != "workspace_from_camera"} for view in request["views"]]
+    views[0]["workspace_from_camera"] = "table"
+    for view, place in zip(views[1:], places[1:]):
+        view["first_from_camera"] = (np.linalg.inv(places[0]) @ place).tolist()
+    return request | {"views": views}
 
 
 def test_metrics_count_what_happens(service):
@@ -144,7 +158,7 @@ def test_it_plans_what_the_command_plans_each_time_with_the_same_bytes(service):
     assert status == 200, body
     answer = json.loads(body)
     assert answer == json.loads(printed.stdout)
-    assert answer["grasps"] and answer["reason"] is None and answer["format"] == "graspmill-plan/2"
+    assert answer["grasps"] and answer["reason"] is None and answer["format"] == "graspmill-plan/3"
     assert re.fullmatch(r"parse;dur=[0-9.]+(, [\w-]+;dur=[0-9.]+)+", headers["server-timing"])
     assert service.plan(demo_request())[2] == body
 

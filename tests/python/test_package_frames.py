@@ -1,0 +1,392 @@
+"""Frames and widths from Python: wrong poses are named as the command names them, the table is found where no pose is given,
+grasps are in the camera's frame, and widths are measured."""
+
+import io
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+
+PLAN = [sys.executable, "-m", "graspmill", "plan", "--json", "--quiet"]
+K = [[540.0, 0.0, 320.0], [0.0, 540.0, 240.0], [0.0, 0.0, 1.0]]
+SHAPE = (480, 640)
+BOX = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))
+RIGHT = graspmill.Camera.look_at((0.15, -0.2, 0.5))
+POSE = RIGHT.workspace_from_camera
+DEPTH = graspmill.Scene([BOX]).render(RIGHT)
+PLANNER = graspmill.Planner()
+#: Warnings that may stand beside one about a frame: they are of what the frame shows.
+BESIDE = re.compile("the border of the image cuts things within reach|the table was seen [0-9.]+ % ")
+
+
+def turned(degrees, middle_m=(0.15, 0.15, 0.05)):
+    """A turn about an axis along x through a point."""
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn = np.eye(4)
+    turn[1:3, 1:3] = [[cos, -sin], [sin, cos]]
+    turn[:3, 3] = middle_m - turn[:3, :3] @ middle_m
+    return turn
+
+
+def shifted(x, y, z):
+    moved = np.eye(4)
+    moved[:3, 3] = x, y, z
+    return moved
+
+
+def in_mm(pose):
+    pose = pose.copy()
+    pose[:3, 3] *= 1e3
+    return pose
+
+
+def with_w_first(pose):
+    x, y, z, qx, qy, qz, qw = graspmill.Camera.from_K(K, SHAPE, pose)._pose()
+    return [x, y, z, qw, qx, qy, qz]
+
+
+#: The optical frame in the body's: x forward, y left, z up.
+BODY = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+#: Depths as they are given, the pose, a camera matrix, and what the first warning has; none for no warning.
+MISTAKES = {
+    "none": (DEPTH, POSE, K, None),
+    "inverse": (DEPTH, np.linalg.inv(POSE), K, "it would be seen there if workspace_from_camera were the inverse, camera_from_workspace: views[0]"),
+    "OpenGL": (DEPTH, POSE @ np.diag([1.0, -1.0, -1.0, 1.0]), K, "were in OpenGL's camera axes, y up and z backwards: views[0]"),
+    "body": (DEPTH, POSE @ np.linalg.inv(BODY), K, "were the pose of the camera's body frame (x forward, y left, z up), not of its optical frame"),
+    "w first": (DEPTH, with_w_first(POSE), K, "were given with w first in its quaternion: views[0]"),
+    "depths in 0.1 mm": (DEPTH * 10, POSE, K, "if the depths were 0.1 of what they are (set depth_scale_m): views[0]"),
+    "depths in 0.25 mm": (DEPTH * 4, POSE, K, "if the depths were 0.25 of what they are (set depth_scale_m): views[0]"),
+    "identity": (DEPTH, np.eye(4), K, "the pose is the identity, the camera's own frame; the table can be found"),
+    "10 degrees": (DEPTH, turned(10) @ POSE, K, "the table is seen tilted by 10°: check the rotation of the camera's pose: views[0]"),
+    "2 degrees": (DEPTH, turned(2) @ POSE, K, None),
+    "30 mm up": (DEPTH, shifted(0, 0, 0.03) @ POSE, K, "the table is seen 30 mm above where the workspace has it: check the camera's position: views[0]"),
+    "40 mm down": (DEPTH, shifted(0, 0, -0.04) @ POSE, K, "the table is seen 40 mm below where the workspace has it"),
+    "another size": (DEPTH, POSE, [[1080.0, 0, 640], [0, 1080.0, 480], [0, 0, 1]], "are the intrinsics those of another size?: views[0]"),
+}  # fmt: skip
+
+
+def commanded(folder, depth_m, pose, matrix=K, **more):
+    """What the command says of the same view."""
+    np.save(folder / "depth.npy", depth_m.astype(np.float32))
+    at = graspmill.Camera.from_K(K, SHAPE, pose)._pose()
+    view = {"depth": "depth.npy", "workspace_from_camera": {"position_m": at[:3], "quaternion_xyzw": at[3:]}}
+    lens = {"fx_px": matrix[0][0], "fy_px": matrix[1][1], "cx_px": matrix[0][2], "cy_px": matrix[1][2]}
+    (folder / "views.json").write_text(json.dumps({"intrinsics": lens, "views": [view | more]}))
+    return subprocess.run([*PLAN, "--views", folder / "views.json"], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_in_a_frame_is_named_as_by_the_command(tmp_path, name):
+    depth, pose, matrix, expected = MISTAKES[name]
+    plan = PLANNER.plan(depth.astype(np.float32), graspmill.Camera.from_K(matrix, SHAPE, pose))
+    done = commanded(tmp_path, depth, pose, matrix)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["warnings"] == plan.warnings
+    if expected is None:
+        assert plan.warnings == []
+        return
+    of_frame = [said for said in plan.warnings if not BESIDE.match(said)]
+    assert any(expected in said for said in of_frame), plan.warnings
+    if name == "another size":
+        return
+    assert len(of_frame) == 1 and of_frame[0] == plan.warnings[0], plan.warnings
+    # What is only off is not called another convention.
+    assert ("it would be seen there" in of_frame[0]) == (name not in ("identity", "10 degrees", "30 mm up", "40 mm down"))
+
+
+def test_a_pose_in_millimetres_is_named(tmp_path):
+    """The command refuses so large a pose before it is tried."""
+    plan = PLANNER.plan(DEPTH, graspmill.Camera.from_K(K, SHAPE, in_mm(POSE)))
+    assert len(plan) == 0 and "if workspace_from_camera were in millimetres: views[0]" in plan.warnings[0]
+    done = commanded(tmp_path, DEPTH, in_mm(POSE))
+    assert done.returncode == 78 and "are these millimetres?: views[0].workspace_from_camera" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "scale, expected", [(1e3, "the median depth must be between 0.02 and 20 m, got .* m: are these millimetres\\?"), (0.0, "no pixel has a depth")]
+)
+def test_depths_that_cannot_be_are_refused_as_by_the_command(tmp_path, scale, expected):
+    depth = (scale * DEPTH).astype(np.float32)
+    with pytest.raises(graspmill.InputError, match=expected) as error:
+        PLANNER.plan(depth, RIGHT)
+    done = commanded(tmp_path, depth, POSE)
+    assert done.returncode == 78 and str(error.value).removesuffix(": depth image 0") in done.stderr, done.stderr
+
+
+def test_few_depths_are_told_for_the_image_that_has_them(tmp_path):
+    sparse = np.where(np.arange(640) % 20 == 0, DEPTH, 0.0)
+    few = "only 5.0 % of the pixels have a depth"
+    assert PLANNER.plan([DEPTH, sparse], [RIGHT, RIGHT]).warnings == [f"{few}: depth image 1"]
+    said = json.loads(commanded(tmp_path, sparse, POSE).stdout)["warnings"]
+    assert f"{few}: views[0].depth" in said
+
+
+def test_a_png_in_tenths_of_a_millimetre_is_named_as_by_the_command(tmp_path):
+    """As a RealSense D405 writes it, without depth_scale_m."""
+    tenths = np.rint(DEPTH * 1e4).astype(np.uint16)
+    Image.fromarray(tenths).save(tmp_path / "depth.png")
+    done = commanded(tmp_path, DEPTH, POSE, depth="depth.png")
+    plan = PLANNER.plan(tenths.astype(np.float32) * np.float32(1e-3), RIGHT)
+    assert json.loads(done.stdout)["warnings"] == plan.warnings and "if the depths were 0.1" in plan.warnings[0]
+    again = commanded(tmp_path, DEPTH, POSE, depth="depth.png", depth_scale_m=1e-4)
+    assert json.loads(again.stdout)["warnings"] == []
+
+
+THINGS = [
+    BOX,
+    graspmill.Object.solid("cylinder", (0.05, 0.05, 0.09), (0.24, 0.2, 0.095)),
+    graspmill.Object.cuboid((0.05, 0.08, 0.03), (0.05, 0.22, 0.065, 0, 0, 0.6, 0.8)),
+]
+SCENE = graspmill.Scene(THINGS)
+EYES = ((0.15, -0.3, 0.5), (0.5, 0.3, 0.45), (0.0, 0.4, 0.6), (0.15, 0.1, 0.7))
+
+
+def seen_from(eye_m, scene=SCENE):
+    """A depth image, its camera without a pose, and the pose."""
+    camera = graspmill.Camera.look_at(eye_m, (0.15, 0.15, 0.06))
+    return scene.render(camera), graspmill.Camera.from_K(K, SHAPE), camera.workspace_from_camera
+
+
+def must_be_on_the_table(plan, pose):
+    """The workspace that was found has the true table at its height, and up is up."""
+    found_from_true = plan.workspace_from_camera @ np.linalg.inv(pose)
+    assert np.degrees(np.arccos(min(1.0, found_from_true[2, 2]))) < 0.2
+    assert abs((found_from_true @ [0.15, 0.15, 0.05, 1.0])[2] - 0.05) < 1e-3
+
+
+def must_hold(plan, pose, scene=SCENE, best=5):
+    """The best grasps hold, executed where the camera's frame truly is."""
+    assert len(plan) >= best, plan
+    for grasp in plan:
+        between = np.linalg.inv(plan.workspace_from_camera) @ grasp.workspace_from_grasp
+        assert np.allclose(grasp.camera_from_grasp, between, atol=2e-6)
+    truly = np.array([pose @ grasp.camera_from_grasp for grasp in plan[:best]])
+    assert graspmill.execute(scene, truly).held.all()
+
+
+@pytest.mark.parametrize("eye_m", EYES)
+def test_the_table_is_found_without_a_pose(eye_m):
+    depth, camera, pose = seen_from(eye_m)
+    plan = PLANNER.plan(depth, camera)
+    must_be_on_the_table(plan, pose)
+    must_hold(plan, pose)
+    assert plan.warnings == [] and plan.answer["table"]["sureness"] > 0.5
+    best = plan.answer["table"]["candidates"][0]
+    assert best["residual_m"] < 1e-3 and np.allclose(best["normal"], pose[2, :3], atol=4e-3)
+    # With the pose there is no table to be found, and the same frames are given.
+    placed = PLANNER.plan(depth, graspmill.Camera.from_K(K, SHAPE, pose))
+    assert placed.answer["table"] is None and np.allclose(placed.workspace_from_camera, pose, atol=1e-6)
+    must_hold(placed, pose)
+
+
+def test_the_command_finds_the_same_table(tmp_path):
+    depth, camera, _ = seen_from(EYES[0])
+    np.save(tmp_path / "depth.npy", depth)
+    (tmp_path / "camera.json").write_text(json.dumps({"fx_px": 540.0, "fy_px": 540.0, "cx_px": 320.0, "cy_px": 240.0}))
+    words = ["--depth", tmp_path / "depth.npy", "--intrinsics", tmp_path / "camera.json"]
+    done = subprocess.run([*PLAN, *words], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == PLANNER.plan(depth, camera).answer
+
+
+def test_other_cameras_stand_in_the_frame_of_the_first():
+    scene = graspmill.Scene([BOX])
+    (first, camera, pose), (second, _, other) = (seen_from(eye_m, scene) for eye_m in ((0.15, -0.3, 0.4), (0.15, 0.6, 0.4)))
+    beside = graspmill.Camera.from_K(K, SHAPE, np.linalg.inv(pose) @ other)
+    one, both = PLANNER.plan(first, camera), PLANNER.plan([first, second], [camera, beside])
+    for plan in (one, both):
+        must_be_on_the_table(plan, pose)
+        must_hold(plan, pose, scene)
+        assert plan.warnings == []
+    # The far side of the box, which only the second sees.
+    true_from_found = [pose @ np.linalg.inv(plan.workspace_from_camera) for plan in (one, both)]
+    clouds = [plan.cloud() @ turn[:3, :3].T + turn[:3, 3] for plan, turn in zip((one, both), true_from_found)]
+    far = [np.sum((abs(cloud[:, 1] - 0.18) < 0.004) & (cloud[:, 2] > 0.06) & (cloud[:, 2] < 0.09)) for cloud in clouds]
+    assert far[0] == 0 and far[1] > 50, far
+    with pytest.raises(graspmill.InputError, match="workspace_from_camera must be given, got None"):
+        PLANNER.plan([first, second], [camera, camera])
+
+
+def points_of(depth):
+    """The points of a depth image in its camera's frame."""
+    v, u = np.nonzero(depth)
+    z = depth[v, u]
+    return np.stack([(u - 320.0) / 540.0 * z, (v - 240.0) / 540.0 * z, z], axis=1).astype(np.float32)
+
+
+def test_a_cloud_in_its_cameras_frame_is_enough(tmp_path):
+    depth, _, pose = seen_from(EYES[0])
+    points = points_of(depth)
+    plan = PLANNER.plan_cloud(points, workspace_from_cloud="table")
+    must_be_on_the_table(plan, pose)
+    must_hold(plan, pose)
+    assert plan.warnings == [] and plan.answer["table"]["sureness"] > 0.5
+    np.save(tmp_path / "cloud.npy", points)
+    words = ["--cloud", tmp_path / "cloud.npy", "--workspace-from-cloud", "table"]
+    done = subprocess.run([*PLAN, *words], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == plan.answer
+    # With a pose it is a cloud in the workspace, seen from where the camera is.
+    placed = PLANNER.plan_cloud(points, workspace_from_cloud=pose)
+    moved = (points @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
+    same = PLANNER.plan_cloud(moved, eyes_m=[pose[:3, 3]])
+    assert placed.answer["region"] == same.answer["region"] and placed[0].camera_from_grasp is None
+    centroids = [[thing["centroid_m"] for thing in one.answer["objects"]] for one in (placed, same)]
+    assert np.allclose(*centroids, atol=2e-3) and len(centroids[0]) == 3
+    assert graspmill.execute(SCENE, placed.workspace_from_grasp[:5]).held.all()
+
+
+def test_gravity_finds_the_table_of_a_camera_that_is_rolled():
+    upright = graspmill.Camera.look_at((0.15, -0.3, 0.5), (0.15, 0.15, 0.06)).workspace_from_camera
+    roll = np.eye(4)
+    roll[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
+    pose = upright @ roll
+    depth = SCENE.render(graspmill.Camera.from_K(K, SHAPE, pose))
+    camera, down = graspmill.Camera.from_K(K, SHAPE), -pose[2, :3]
+    for plan in (
+        PLANNER.plan(depth, camera, down=9.81 * down),
+        PLANNER.plan_cloud(points_of(depth), workspace_from_cloud="table", down=down),
+    ):
+        must_be_on_the_table(plan, pose)
+        must_hold(plan, pose)
+    with pytest.raises(graspmill.InputError, match="no table was found"):
+        PLANNER.plan(depth, camera, down=-down)
+
+
+def test_what_contradicts_itself_is_refused():
+    depth, camera, pose = seen_from(EYES[0])
+    points, tsdf = points_of(depth), graspmill.Scene([BOX]).tsdf([RIGHT])
+    goes_with = "down goes with a table that is found"
+    for expected, call in (
+        ("base_from_workspace must not be given", lambda: PLANNER.plan(depth, camera, base_from_workspace=np.eye(4))),
+        ("base_from_workspace must not be given", lambda: PLANNER.plan_cloud(points, workspace_from_cloud="table", base_from_workspace=np.eye(4))),
+        (goes_with, lambda: PLANNER.plan(DEPTH, RIGHT, down=(0, 0, 1))),
+        (goes_with, lambda: PLANNER.plan_cloud(points, down=(0, 0, 1))),
+        (goes_with, lambda: PLANNER.plan_cloud(points, workspace_from_cloud=pose, down=(0, 0, 1))),
+        (goes_with, lambda: PLANNER.plan_tsdf(tsdf, down=(0, 0, 1))),
+        ("workspace_from_cloud", lambda: PLANNER.plan_cloud(points, workspace_from_cloud="floor")),
+        ("down", lambda: PLANNER.plan(depth, camera, down=(0, 1))),
+        ("no table was found", lambda: PLANNER.plan_cloud(np.zeros((0, 3)), workspace_from_cloud="table")),
+        ("only a plan finds the table", lambda: SCENE.render(camera)),
+        ("only a plan finds the table", lambda: graspmill.tsdf([depth], [camera])),
+    ):
+        with pytest.raises(graspmill.InputError, match=expected):
+            call()
+
+
+HAND = graspmill.Gripper.load("franka_hand")
+FRANKA = graspmill.Planner(gripper=HAND)
+
+
+def of_box(size_m, eye_m):
+    """A plan of a box in the middle of the table that one camera sees, and its depth and pose."""
+    scene = graspmill.Scene([graspmill.Object.cuboid(size_m, (0.15, 0.15, 0.05 + size_m[2] / 2))])
+    camera = graspmill.Camera.look_at(eye_m, (0.15, 0.15, 0.09))
+    depth = scene.render(camera)
+    return FRANKA.plan(depth, camera), depth, camera.workspace_from_camera
+
+
+def between_fingers(depth, pose, grasp):
+    """How far apart what the image shows between the open fingers is, along the closing direction; 0 for little."""
+    points = points_of(depth) @ pose[:3, :3].T + pose[:3, 3]
+    points = points[points[:, 2] > 0.058]
+    x, y, z = ((points - grasp.workspace_from_grasp[:3, 3]) @ grasp.workspace_from_grasp[:3, :3]).T
+    along = y[(abs(x) < HAND.finger_width_m / 2) & (abs(y) < HAND.opening_m_max / 2) & (z < 0) & (z > -HAND.finger_length_m)]
+    return float(np.diff(np.percentile(along, [2, 98]))[0]) if len(along) >= 20 else 0.0
+
+
+def test_a_width_is_measured_where_both_ends_are_seen():
+    """The edges of a top of 60 mm, whose sides no camera sees."""
+    plan, depth, pose = of_box((0.06, 0.1, 0.08), (0.15, -0.3, 0.5))
+    across = [grasp for grasp in plan if abs(grasp.workspace_from_grasp[0, 1]) > 0.98][:5]
+    assert len(across) == 5
+    for grasp in across:
+        assert grasp.width_m == pytest.approx(0.06, abs=3e-3) and grasp.width_seen_share > 0.4
+        assert grasp.width_m + 2 * 0.005 - 1e-6 <= grasp.opening_m <= HAND.opening_m_max
+
+
+def test_a_width_with_an_end_that_is_not_seen_is_not_told():
+    """The camera sees the near face alone, and hands close along its view."""
+    plan, depth, pose = of_box((0.06, 0.1, 0.08), (-0.3, 0.15, 0.11))
+    along = [grasp for grasp in plan if abs(grasp.workspace_from_grasp[0, 1]) > 0.95]
+    assert len(along) >= 5
+    for grasp in along:
+        assert grasp.width_m is None and grasp.width_seen_share < 0.6
+        assert grasp.opening_m == pytest.approx(HAND.opening_m_max)
+
+
+def many(seed):
+    """Boxes of any turn and a cylinder, seen by a camera without a pose."""
+    rng, things = np.random.default_rng(seed), []
+    for number, (x, y) in enumerate(((0.08, 0.08), (0.22, 0.09), (0.10, 0.22), (0.23, 0.23))):
+        (wide, deep), high, turn = rng.uniform(0.03, 0.065, 2), rng.uniform(0.04, 0.1), rng.uniform(0, np.pi)
+        pose = (x, y, 0.05 + high / 2, 0, 0, np.sin(turn / 2), np.cos(turn / 2))
+        cylinder = number == 3
+        size = (wide, wide, high) if cylinder else (wide, deep, high)
+        things.append(graspmill.Object.solid("cylinder", size, pose) if cylinder else graspmill.Object.cuboid(size, pose))
+    scene, around = graspmill.Scene(things), rng.uniform(0, 2 * np.pi)
+    return scene, *seen_from((0.15 + 0.45 * np.cos(around), 0.15 + 0.45 * np.sin(around), 0.5), scene)
+
+
+def test_widths_are_never_narrower_than_what_is_seen_and_hands_open_wide_enough():
+    told, errors, opened = 0, [], []
+    for seed in range(6):
+        scene, depth, camera, pose = many(seed)
+        plan = FRANKA.plan(depth, camera)
+        best = plan[:12]
+        outcomes = graspmill.execute(scene, np.array([pose @ grasp.camera_from_grasp for grasp in best]), gripper=HAND)
+        for grasp, held, width_m in zip(best, outcomes.held, outcomes.width_m):
+            if grasp.width_m is not None:
+                told += 1
+                assert grasp.width_m > between_fingers(depth, plan.workspace_from_camera, grasp) - 0.005
+                errors += [abs(grasp.width_m - width_m)] if held else []
+            if held and grasp.opening_m < HAND.opening_m_max:
+                numbers = {name: value for name, value in vars(HAND).items() if not name.startswith("_")}
+                less = graspmill.Gripper(**{**numbers, "opening_m_max": grasp.opening_m})
+                opened.append(graspmill.execute(scene, (pose @ grasp.camera_from_grasp)[None], gripper=less).held[0])
+    print(f"{told} told, median error {1e3 * np.median(errors):.1f} mm, {np.mean(opened):.3f} of {len(opened)} hold when opened so far")
+    assert told > 50 and np.median(errors) < 0.004, (told, np.median(errors))
+    assert len(opened) > 40 and np.mean(opened) >= 0.95, (len(opened), np.mean(opened))
+
+
+def pixels(png):
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+
+
+def test_an_overlay_is_drawn_into_the_image_of_the_first_camera():
+    depth, camera, pose = seen_from(EYES[0])
+    plan = PLANNER.plan(depth, camera)
+    grey = np.full((*SHAPE, 3), 90, np.uint8)
+    drawn = plan.overlay(grey)
+    assert drawn.startswith(b"\x89PNG") and pixels(drawn).shape == (*SHAPE, 3)
+    changed = abs(pixels(drawn) - 90).max(axis=2) > 30
+    assert 300 < changed.sum() < 0.3 * changed.size
+    # Around the tips of the best grasp.
+    x, y, z = plan[0].camera_from_grasp[:3, 3]
+    u, v = round(540.0 * x / z + 320.0), round(540.0 * y / z + 240.0)
+    assert changed[v - 40 : v + 41, u - 40 : u + 41].any(), (u, v)
+    assert not changed[-60:].any() and not changed[:, :60].any(), "far from all grasps"
+    # An image with alpha is as good, and without one the depth is shaded.
+    assert plan.overlay(np.dstack([grey, grey[:, :, :1]])) == drawn
+    shaded, bare = plan.overlay(), PLANNER.plan(np.where(depth > 0, depth, 0), camera, grasps_max=1).overlay()
+    assert pixels(shaded).shape == (*SHAPE, 3) and pixels(shaded).std() > 5 and shaded != bare
+    placed = PLANNER.plan(depth, graspmill.Camera.from_K(K, SHAPE, pose)).overlay(grey)
+    assert pixels(placed).shape == (*SHAPE, 3)
+
+
+def test_an_overlay_goes_with_an_image_of_the_camera():
+    depth, camera, _ = seen_from(EYES[0])
+    plan = PLANNER.plan(depth, camera)
+    for image in (np.zeros(SHAPE, np.uint8), np.zeros((*SHAPE, 3)), np.zeros((*SHAPE, 2), np.uint8), np.zeros((0, 0, 3), np.uint8), "image.png"):
+        with pytest.raises(graspmill.InputError, match="image must be"):
+            plan.overlay(image)
+    with pytest.raises(graspmill.InputError, match="640 x 480"):
+        plan.overlay(np.zeros((480, 600, 3), np.uint8))
+    assert pixels(plan.overlay(np.zeros((240, 320, 3), np.uint8))).shape == (240, 320, 3)
+    cloud = PLANNER.plan_cloud(points_of(depth), workspace_from_cloud="table")
+    with pytest.raises(graspmill.InputError, match="without a camera"):
+        cloud.overlay(np.zeros((*SHAPE, 3), np.uint8))
