@@ -16,6 +16,8 @@ use crate::fault::{array, free, raised, room, wrong};
 use crate::pool::{Apart, on_threads};
 use crate::scene::{Seven, Simulation, camera, image, pose, seven};
 
+/// Memory for making a planner, whose weights are prepared on all threads, in bytes.
+const PLANNER_BYTES: usize = 48 << 20;
 /// Memory for the plan of anything, in bytes, and for each pixel or point besides; and for a picture.
 const PLAN_BYTES: usize = 256 << 20;
 const POINT_BYTES: usize = 40;
@@ -88,6 +90,7 @@ impl Planner {
         hand: Option<&Simulation>,
         threads: usize,
     ) -> PyResult<Self> {
+        room(PLANNER_BYTES)?;
         let hand = hand.map(|simulation| simulation.gripper.clone());
         let made = || {
             let mut config = Config::load(config.as_deref())?;
