@@ -60,7 +60,7 @@ pub(crate) fn read_depth(
 /// Checks an image in metres, of which values that are not positive were not seen, and warns of few that are.
 ///
 /// # Errors
-/// [`InputError`] as [`read_depth`] about no depths or implausible ones.
+/// [`InputError`] if no pixel has a depth, or the median is implausible for a table in front of a robot.
 pub fn check_image(image: &DepthImage) -> Result<Option<String>, InputError> {
     check_depths(&image.depth_m, 1.0, [0; 2])
 }
