@@ -91,11 +91,16 @@ pub fn find_tables(points_m: &[Vec3], down: Option<Vec3>, stream: &mut Stream) -
 }
 
 impl TableCandidate {
+    /// The point of the plane straight below the middle, in metres.
+    #[must_use]
+    pub fn foot_m(&self) -> Vec3 {
+        self.middle_m - self.plane.normal * (self.plane.normal.dot(self.middle_m) - self.plane.offset_m)
+    }
+
     /// Whether another plane is nearly the same.
     fn is_near(&self, other: &Self) -> bool {
         let [one, two] = [self.plane, other.plane];
-        let on_other_m = other.middle_m - two.normal * (two.normal.dot(other.middle_m) - two.offset_m);
-        let apart_m = (one.normal.dot(on_other_m) - one.offset_m).abs();
+        let apart_m = (one.normal.dot(other.foot_m()) - one.offset_m).abs();
         one.normal.dot(two.normal) > libm::cosf(SAME_RAD) && apart_m < SAME_M
     }
 }

@@ -108,10 +108,9 @@ pub(crate) fn find(
     let along = (Vec3::X - up * up.x).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
     let first_from_workspace = Quat::from_mat3(&Mat3::from_cols(along, up.cross(along), up)).normalize();
     // The middle of what stands on the table, at the table's height.
-    let middle_m = best.middle_m - up * (up.dot(best.middle_m) - best.plane.offset_m);
     let middle_in_workspace_m = Vec3::new(0.5 * grid.size_m, 0.5 * grid.size_m, grid.table_z_m);
     let rotation = first_from_workspace.inverse();
-    let workspace_from_first = pose_from_parts(rotation, middle_in_workspace_m - rotation * middle_m);
+    let workspace_from_first = pose_from_parts(rotation, middle_in_workspace_m - rotation * best.foot_m());
     Ok(FoundTable { candidates, workspace_from_first })
 }
 
@@ -247,9 +246,7 @@ struct Claim {
 impl Claim {
     fn of(workspace_from_camera: &Pose, table: &TableCandidate, grid: &Grid) -> Self {
         let up = workspace_from_camera.rotation * table.plane.normal;
-        let on_plane =
-            table.middle_m - table.plane.normal * (table.plane.normal.dot(table.middle_m) - table.plane.offset_m);
-        let at_m = *workspace_from_camera * on_plane;
+        let at_m = *workspace_from_camera * table.foot_m();
         Self { tilt_rad: libm::acosf(up.z.clamp(-1.0, 1.0)), height_m: at_m.z - grid.table_z_m }
     }
 
@@ -310,11 +307,11 @@ fn misplaced(view: &View, base_from_workspace: Option<Pose>, grid: &Grid, seed: 
         return None;
     }
     let given = view.camera.workspace_from_camera;
+    let camera_from_workspace = given.inverse();
+    let own_m: Vec<Vec3> = seen_m(view, COLUMNS_PX).into_iter().map(|at| camera_from_workspace * at).collect();
     let tables = |depths: f32| {
-        let mut own = view.clone();
-        own.camera.workspace_from_camera = Pose::IDENTITY;
-        own.image.depth_m.iter_mut().for_each(|depth_m| *depth_m *= depths);
-        let mut found = find_tables(&seen_m(&own, COLUMNS_PX), None, &mut Stream::new(seed, 0, Purpose::Plane, 1));
+        let scaled: Vec<Vec3> = own_m.iter().map(|at| *at * depths).collect();
+        let mut found = find_tables(&scaled, None, &mut Stream::new(seed, 0, Purpose::Plane, 1));
         let least = STRONG * found.first().map_or(0.0, |best| best.score);
         found.retain(|table| table.score >= least && table.share >= SHARE_MIN);
         found
