@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use schema::{Camera, DepthImage, Intrinsics, Lattice, Mat3, Pose, Vec3, VoxelGrid};
 
 use crate::blocks::{CELLS, SurfaceBlocks, VALUES, VOXELS, block_counts};
+use crate::seen::{seen_points, stride_px};
 
 /// VGN's truncation: 4 voxels (`TSDFVolume.sdf_trunc`), 30 mm on the paper's grid.
 pub const TRUNCATION_VOXELS: f32 = 4.0;
@@ -188,32 +189,24 @@ fn near_surfaces(lattice: &Lattice, truncation_m: f32, above_m: f32, views: &[(C
     let block_m = CELLS as f32 * lattice.voxel_size_m;
     let of_view = |(camera, image): &(Camera, &DepthImage)| {
         let mut is_near = vec![false; counts.iter().product()];
-        let stride = image.width_px.div_ceil(COLUMNS_PX).max(1);
+        let stride = stride_px(image, COLUMNS_PX);
         // A voxel's centre and the ray of its pixel are less than a pixel apart.
         let pixel = (1 + stride) as f32 * (1.0 / camera.intrinsics.fx_px).max(1.0 / camera.intrinsics.fy_px);
-        let turn = Mat3::from_quat(camera.workspace_from_camera.rotation);
-        for v in (0..image.height_px).step_by(stride) {
-            for u in (0..image.width_px).step_by(stride) {
-                let Some(depth_m) = image.at([u, v]).filter(|depth_m| depth_m.is_finite()) else { continue };
-                let at_m = camera.workspace_from_camera.translation + turn * camera.intrinsics.ray([u, v]) * depth_m;
-                if at_m.z < above_m {
-                    continue;
-                }
-                let margin_m = truncation_m + pixel * depth_m;
-                // Blocks begin at the centre of the lattice's first voxel; a negative number rounds to 0.
-                let block = |along_m: f32| ((along_m - 0.5 * lattice.voxel_size_m) / block_m).floor();
-                let [low, high] = [-margin_m, margin_m].map(|margin_m| (at_m - lattice.low_m + margin_m).map(block));
-                let last = Vec3::from_array(counts.map(|count| count as f32));
-                if high.cmplt(Vec3::ZERO).any() || low.cmpge(last).any() {
-                    continue;
-                }
-                let [x, y, z] = [0, 1, 2].map(|axis| low[axis] as usize..(high[axis] as usize + 1).min(counts[axis]));
-                for (x, y) in x.flat_map(|x| y.clone().map(move |y| (x, y))) {
-                    let line = (x * counts[1] + y) * counts[2];
-                    is_near[line + z.start..line + z.end].fill(true);
-                }
+        seen_points(camera, image, COLUMNS_PX).filter(|(at_m, _)| at_m.z >= above_m).for_each(|(at_m, depth_m)| {
+            let margin_m = truncation_m + pixel * depth_m;
+            // Blocks begin at the centre of the lattice's first voxel; a negative number rounds to 0.
+            let block = |along_m: f32| ((along_m - 0.5 * lattice.voxel_size_m) / block_m).floor();
+            let [low, high] = [-margin_m, margin_m].map(|margin_m| (at_m - lattice.low_m + margin_m).map(block));
+            let last = Vec3::from_array(counts.map(|count| count as f32));
+            if high.cmplt(Vec3::ZERO).any() || low.cmpge(last).any() {
+                return;
             }
-        }
+            let [x, y, z] = [0, 1, 2].map(|axis| low[axis] as usize..(high[axis] as usize + 1).min(counts[axis]));
+            for (x, y) in x.flat_map(|x| y.clone().map(move |y| (x, y))) {
+                let line = (x * counts[1] + y) * counts[2];
+                is_near[line + z.start..line + z.end].fill(true);
+            }
+        });
         is_near
     };
     let either = |a: Vec<bool>, b: Vec<bool>| a.iter().zip(b).map(|(a, b)| *a || b).collect();

@@ -3,7 +3,7 @@
 
 use core::f32::consts::PI;
 
-use perception::{PlaneParams, TableCandidate, find_plane, find_tables};
+use perception::{PlaneParams, TableCandidate, find_plane, find_tables, seen_points};
 use schema::{Grid, Mat3, Plane, Pose, Purpose, Quat, Stream, Vec3, pose_from_parts};
 
 use crate::input::{InputError, refuse};
@@ -92,11 +92,11 @@ pub(crate) fn find(
         Observation::Tsdf(_) => return refuse("in a TSDF the table is at its height, and cannot be found: tsdf"),
     };
     let stream = || Stream::new(seed, 0, Purpose::Plane, 1);
-    let candidates = find_tables(&points_m, wanted.down, &mut stream());
+    let candidates = find_tables(&points_m, wanted.gravity(), &mut stream());
     let Some(best) = candidates.first().filter(|best| best.score > 0.0) else {
         let of_other_unit = UNITS.into_iter().find(|unit| {
             let scaled: Vec<Vec3> = points_m.iter().map(|at| *at * *unit).collect();
-            find_tables(&scaled, wanted.down, &mut stream()).first().is_some_and(|best| best.share > SHARE_MIN)
+            find_tables(&scaled, wanted.gravity(), &mut stream()).first().is_some_and(|best| best.share > SHARE_MIN)
         });
         let hint = match of_other_unit {
             Some(unit) => format!("one would be seen if the depths were {unit} of what they are (set depth_scale_m)"),
@@ -137,13 +137,7 @@ pub(crate) fn moved(observation: &Observation, target_from_source: &Pose) -> Obs
 
 /// What a view shows, in the frame of its pose.
 fn seen_m(view: &View, columns_px: usize) -> Vec<Vec3> {
-    let (image, pose) = (&view.image, view.camera.workspace_from_camera);
-    let turn = Mat3::from_quat(pose.rotation);
-    let stride = image.width_px.div_ceil(columns_px).max(1);
-    let pixels =
-        (0..image.height_px).step_by(stride).flat_map(|v| (0..image.width_px).step_by(stride).map(move |u| [u, v]));
-    let seen = pixels.filter_map(|pixel| Some((pixel, image.at(pixel).filter(|depth_m| depth_m.is_finite())?)));
-    seen.map(|(pixel, depth_m)| pose.translation + turn * view.camera.intrinsics.ray(pixel) * depth_m).collect()
+    seen_points(&view.camera, &view.image, columns_px).map(|(at_m, _)| at_m).collect()
 }
 
 /// A camera's axes.

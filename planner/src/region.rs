@@ -1,7 +1,8 @@
 //! Where grasps are looked for by a judge: all that was seen above the table within reach, not a cube.
 
+use perception::seen_points;
 use rayon::prelude::*;
-use schema::{Grid, Lattice, Mat3, Vec3};
+use schema::{Grid, Lattice, Vec3};
 
 use crate::observation::View;
 
@@ -39,15 +40,7 @@ impl Region {
     pub(crate) fn of_views(views: &[View], within_m: [Vec3; 2], grid: &Grid) -> Self {
         let of_view = |View { image, camera, .. }: &View| {
             let mut things = Things::new(within_m, grid);
-            let turn = Mat3::from_quat(camera.workspace_from_camera.rotation);
-            let stride = image.width_px.div_ceil(COLUMNS_PX).max(1);
-            for v in (0..image.height_px).step_by(stride) {
-                for u in (0..image.width_px).step_by(stride) {
-                    let Some(depth_m) = image.at([u, v]).filter(|depth_m| depth_m.is_finite()) else { continue };
-                    let ray_m = camera.intrinsics.ray([u, v]) * depth_m;
-                    things.add(camera.workspace_from_camera.translation + turn * ray_m);
-                }
-            }
+            seen_points(camera, image, COLUMNS_PX).for_each(|(at_m, _)| things.add(at_m));
             things
         };
         let things = views.par_iter().map(of_view).reduce_with(Things::with);
