@@ -301,6 +301,9 @@ fn glb(bytes: &[u8]) -> Result<Parts, String> {
     for (place, accessor) in document.accessors().enumerate() {
         let view = accessor.view().ok_or_else(|| format!("accessor {place} must have a view and not be sparse"))?;
         let step = view.stride().unwrap_or(accessor.size());
+        if accessor.count() == 0 || step < accessor.size() {
+            return Err(format!("accessor {place} must have values, and none may overlap"));
+        }
         let last = accessor.count().saturating_sub(1).checked_mul(step);
         let end = last.and_then(|last| last.checked_add(accessor.offset())?.checked_add(accessor.size()));
         if accessor.sparse().is_some() || end.is_none_or(|end| end > view.length()) {
