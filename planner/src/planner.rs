@@ -263,10 +263,10 @@ impl Planner {
             rank::is_left_out(ranked, policy, &self.config.ranking).then_some(RejectReason::NoObject)
         });
         let Candidates { mut grasps, mut dropped, mut stages } = candidates;
+        request.widths.measure(&mut grasps);
         rank::order(&mut grasps, policy, Stream::new(self.config.seed, seen.scene, Purpose::Ranking, 0));
         let beyond = grasps.split_off(grasps.len().min(options.grasps_max.unwrap_or(usize::MAX)));
         dropped.extend(beyond.iter().map(|ranked| DroppedCandidate::new(ranked, RejectReason::BeyondLimit)));
-        request.widths.measure(&mut grasps);
         for (place, ranked) in grasps.iter_mut().enumerate() {
             let workspace_from_flange = self.config.gripper.target_from_flange(&ranked.workspace_from_grasp);
             let in_base = |workspace_from: Pose| options.base_from_workspace.map(|base| base * workspace_from);

@@ -7,6 +7,9 @@ use schema::{Stream, Vec3};
 use crate::config::{Policy, RankingParams, WithoutObject};
 use crate::plan::{ObjectCluster, PointLabel, RankedGrasp, SegmentedCloud};
 
+/// A grasp whose width was seen goes before one that is this much surer: a hand can then be opened to fit.
+const AS_SURE: f32 = 0.02;
+
 /// Eq. 8: the distance to the object's centroid, weighted by axis, over the quality; in metres.
 #[must_use]
 pub fn rho_m(position_m: Vec3, centroid_m: Vec3, quality: f32, weights: [f32; 3]) -> f32 {
@@ -40,13 +43,18 @@ pub(crate) fn attribute(
     }
 }
 
-/// Sorts grasps by the policy, best first. Equal grasps keep the order of their voxels.
+/// Sorts grasps, whose widths were measured, by the policy, best first. Equal grasps keep the order of their voxels.
 pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stream) {
     match policy {
         Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),
-        Policy::VgnBest => grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality)),
+        Policy::VgnBest => grasps.sort_by(|a, b| sureness(b).total_cmp(&sureness(a))),
         Policy::VgnRandom => chance.shuffle(grasps),
     }
+}
+
+/// The quality, and a little more where the width is known.
+fn sureness(ranked: &RankedGrasp) -> f32 {
+    ranked.quality + if ranked.width_m.is_some() { AS_SURE } else { 0.0 }
 }
 
 /// Objects are numbered from the top; grasps without an object come last.
