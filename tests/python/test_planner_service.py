@@ -3,6 +3,7 @@
     python -m pytest tests/python/test_planner_service.py   # GRASPMILL_PLANNER=path/to/planner, or target/debug/planner
 """
 
+import base64
 import json
 import re
 import socket
@@ -50,6 +51,24 @@ def test_a_request_may_name_settings_that_come_with_the_planner(service):
     body = json.dumps(demo_request() | {"config": "best"}).encode()
     status, _, answer = service.ask("POST", "/v1/plan", body, JSON)
     assert status == 422 and b"must be one of judge, paper, vgn, got best: config" in answer
+
+
+def test_base64_may_be_wrapped_and_intrinsics_a_list(service):
+    """As `base64 depth.png` prints the bytes, and ROS's k."""
+    plain = demo_request()
+    view = plain["views"][0]
+    lens = view.pop("intrinsics", None) or plain["intrinsics"]
+    k = [lens["fx_px"], 0.0, lens["cx_px"], 0.0, lens["fy_px"], lens["cy_px"], 0.0, 0.0, 1.0]
+    wrapped = base64.encodebytes(base64.b64decode(view["depth"]["data"])).decode()
+    assert wrapped.count("\n") > 10
+    bodies = []
+    for given in ({"intrinsics": lens}, {"intrinsics": k, "depth": {"data": wrapped}}):
+        status, _, body = service.plan({"views": [view | given]})
+        assert status == 200 and json.loads(body)["grasps"], body
+        bodies.append(body)
+    assert bodies[0] == bodies[1]
+    told = check_error(*service.plan({"views": [view | {"intrinsics": [640, 480, *k[:1], k[4], k[2], k[5]]}]}))
+    assert told == "intrinsics must be { fx_px, fy_px, cx_px, cy_px } or a camera matrix, got a list of 6: views[0].intrinsics"
 
 
 def references(value):

@@ -4,7 +4,6 @@
 """
 
 import json
-import re
 import socket
 import struct
 import sys
@@ -40,7 +39,7 @@ def message(name, **fields):
 
 
 def ros(depth, encoding, info, transform, service, monkeypatch):
-    """Runs the node on one depth image; returns what it published."""
+    """Runs the node on one depth image; returns what it published. A transform is that of its base frame."""
     number = dict.fromkeys("xyz", float)
     point, quaternion = message("Point", **number), message("Quaternion", **number, w=float)
     vector = message("Vector3", **number)
@@ -58,8 +57,8 @@ def ros(depth, encoding, info, transform, service, monkeypatch):
             self.name = name
 
         def declare_parameter(self, name, value):
-            assert name in ("url", "workspace_frame")
-            return types.SimpleNamespace(value=f"http://127.0.0.1:{service.port}/v1/plan" if name == "url" else value)
+            given = {"url": f"http://127.0.0.1:{service.port}/v1/plan", "base_frame": "base" if transform else value}
+            return types.SimpleNamespace(value=given[name])
 
         def create_publisher(self, kind, topic, depth):
             assert (kind.__name__, topic) == ("PoseArray", "grasps") and depth >= 1
@@ -116,7 +115,7 @@ def ros(depth, encoding, info, transform, service, monkeypatch):
     k = [info["fx_px"], 0.0, info["cx_px"], 0.0, info["fy_px"], info["cy_px"], 0.0, 0.0, 1.0]
     on_info(info_type(header=told, height=height, width=width, k=k))
     on_image(image)
-    assert asked == [("workspace", "camera_depth_optical_frame", ("time of", {"sec": 3}))]
+    assert asked == ([("base", "camera_depth_optical_frame", ("time of", {"sec": 3}))] if transform else [])
     return published, warnings
 
 
@@ -152,33 +151,27 @@ def one_demo_view():
 
 
 @pytest.fixture(scope="module")
-def lenient(tmp_path_factory):
-    """A service that finds grasps for one view, too; with the default settings one view shows too little."""
-    folder = tmp_path_factory.mktemp("lenient")
-    settings, count = re.subn(
-        r"^quality_min = .*$", "quality_min = 0.5", (ROOT / "configs/plan/paper.toml").read_text(), flags=re.MULTILINE
-    )
-    assert count == 1
-    (folder / "plan.toml").write_text(settings)
-    with running(folder, "--config", folder / "plan.toml") as service:
+def service(tmp_path_factory):
+    with running(tmp_path_factory.mktemp("ros")) as service:
         yield service
 
 
+@pytest.mark.parametrize("base", [False, True], ids=["upright", "base"])
 @pytest.mark.parametrize("encoding", ["16UC1", "32FC1", "32FC1 big-endian"])
-def test_the_ros_node_publishes_what_the_service_answers(lenient, encoding, one_demo_view, monkeypatch):
+def test_the_ros_node_publishes_what_the_service_answers(service, encoding, base, one_demo_view, monkeypatch):
     depth_m, lens, pose = one_demo_view
     name = encoding.split()[0]
     if name == "16UC1":
         depth = np.rint(depth_m * 1000).astype("<u2")
     else:
         depth = depth_m.astype(">f4" if "big" in encoding else "<f4")
-    view = {"depth": file_of(npy(depth)), "intrinsics": lens, "workspace_from_camera": pose}
-    status, _, body = lenient.plan({"views": [view]})
+    request = {"views": [{"depth": file_of(npy(depth)), "intrinsics": lens, "workspace_from_camera": "table"}]}
+    status, _, body = service.plan(request | ({"base_from_camera": pose} if base else {}))
     assert status == 200, body
-    transform = (pose["position_m"], pose["quaternion_xyzw"])
-    [array], warnings = ros(depth, name, lens, transform, lenient, monkeypatch)
-    assert warnings == [] and array.header.frame_id == "workspace" and array.header.stamp == {"sec": 3}
-    expected = [grasp["workspace_from_grasp"] for grasp in json.loads(body)["grasps"]]
+    transform = (pose["position_m"], pose["quaternion_xyzw"]) if base else None
+    [array], warnings = ros(depth, name, lens, transform, service, monkeypatch)
+    assert warnings == [] and array.header.frame_id == "camera_depth_optical_frame" and array.header.stamp == {"sec": 3}
+    expected = [grasp["camera_from_grasp"] for grasp in json.loads(body)["grasps"]]
     assert expected, "nothing was planned, so nothing is compared"
     published = [(list(vars(pose.position).values()), list(vars(pose.orientation).values())) for pose in array.poses]
     assert published == [(pose["position_m"], pose["quaternion_xyzw"]) for pose in expected]
@@ -189,7 +182,7 @@ def test_the_ros_node_goes_on_without_a_service(monkeypatch):
         gone = types.SimpleNamespace(port=nobody.getsockname()[1])
     depth = np.full((4, 5), 0.5, np.float32)
     info = {"fx_px": 5.0, "fy_px": 5.0, "cx_px": 2.0, "cy_px": 1.5}
-    published, warnings = ros(depth, "32FC1", info, ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]), gone, monkeypatch)
+    published, warnings = ros(depth, "32FC1", info, None, gone, monkeypatch)
     assert published == [] and len(warnings) == 1 and warnings[0].startswith("no plan: ")
 
 
