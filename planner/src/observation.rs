@@ -122,10 +122,13 @@ impl PlanOptions {
         self.workspace_from_wrist.unwrap_or(WRIST_DOWN)
     }
 
-    /// The options where the table was found: failed hands were given in the first camera's frame.
+    /// The options where the table was found: failed hands were given in the first camera's frame, and the base's may be
+    /// known by it.
     pub(crate) fn seen_from(&self, workspace_from_first: Pose) -> Self {
         let avoid = self.avoid.iter().map(|failed| workspace_from_first * *failed).collect();
-        Self { avoid, ..self.clone() }
+        let base_from_camera = self.find_table.and_then(|wanted| wanted.base_from_camera);
+        let base_from_workspace = base_from_camera.map(|base| base * workspace_from_first.inverse());
+        Self { avoid, base_from_workspace, ..self.clone() }
     }
 
     /// The workspace, if the network's is `grid`: its voxels, but as many as its side takes.
@@ -141,6 +144,16 @@ pub struct FindTable {
     /// The direction of gravity in the frame of the first camera or the cloud, of any length; without it the camera is
     /// believed to stand upright and to look down.
     pub down: Option<Vec3>,
+    /// The first camera, or that of the cloud, in the robot's base frame: grasps are given there, too, and gravity is
+    /// along the base's -z unless `down` is given.
+    pub base_from_camera: Option<Pose>,
+}
+
+impl FindTable {
+    /// The direction of gravity, as far as it is known.
+    pub(crate) fn gravity(&self) -> Option<Vec3> {
+        self.down.or_else(|| self.base_from_camera.map(|base| base.rotation.inverse() * Vec3::NEG_Z))
+    }
 }
 
 /// What a request limits, in the workspace's frame; by default nothing.

@@ -43,7 +43,7 @@ class Grasp:
         object: Index into the plan's objects, or ``None``.
         camera_from_grasp: ``[4, 4]`` in the optical frame of the first camera, or of a cloud's camera if the table was found.
         width_seen_share: Share of the ends of what is between the fingers that were seen; ``None`` if nothing was measured.
-        base_from_grasp: ``[4, 4]`` in the robot's base, if ``base_from_workspace`` was given.
+        base_from_grasp: ``[4, 4]`` in the robot's base, if that was given, by ``base_from_workspace`` or ``base_from_camera``.
         workspace_from_flange: ``[4, 4]``, if the gripper has a ``flange_from_grasp``.
         base_from_flange: ``[4, 4]``, if both are known.
     """
@@ -73,6 +73,8 @@ class PlanOptions(TypedDict, total=False):
             is seen within the reach of its settings.
         down: The direction of gravity ``[3]`` in the frame of the first camera or the cloud, to find the table; by default the
             camera is believed to stand upright and to look down.
+        base_from_camera: ``[4, 4]``, ``[7]`` or ``[3]``, the first camera or the cloud's, where the table is found: grasps are also
+            given in the robot's base, and gravity is along its -z unless ``down`` is given.
         base_from_workspace: ``[4, 4]``, ``[7]`` or ``[3]``: grasps are also given in the robot's base.
         workspace_from_wrist: Quaternion ``[4]``: of a grasp and its half turn, the plan has the one nearer to it.
         policy: How grasps are ranked.
@@ -96,6 +98,7 @@ class PlanOptions(TypedDict, total=False):
 
     workspace_size_m: float | None
     down: ArrayLike | None
+    base_from_camera: ArrayLike | None
     base_from_workspace: ArrayLike | None
     workspace_from_wrist: ArrayLike | None
     policy: Literal["paper", "vgn-random", "vgn-best"] | None
@@ -252,10 +255,11 @@ def _checked(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
     if unknown := [name for name in options if name not in _CHECKS]:
         raise TypeError(f"unexpected keyword argument {unknown[0]!r}: a plan has {', '.join(_CHECKS)}")
     given = {name: value for name, value in options.items() if value is not None}
-    if "down" in given and not finds_table:
-        raise InputError("down goes with a table that is found: a first camera without a pose, or workspace_from_cloud='table'")
+    if (alone := given.keys() & {"down", "base_from_camera"}) and not finds_table:
+        where = "a first camera without a pose, or workspace_from_cloud='table'"
+        raise InputError(f"{min(alone)} goes with a table that is found: {where}")
     if "base_from_workspace" in given and finds_table:
-        raise InputError("base_from_workspace must not be given where the table is found: the workspace is put on it")
+        raise InputError("base_from_workspace must not be given where the table is found: give base_from_camera")
     missing: dict[str, Any] = {"explain": False, "avoid": [], "keep_out": []}
     checked = {name: check(given[name]) if name in given else missing.get(name) for name, check in _CHECKS.items()}
     return checked | {"finds_table": finds_table}
@@ -483,6 +487,7 @@ def _box(reach: Any) -> list[list[float]]:
 _CHECKS: dict[str, Callable[[Any], Any]] = {
     "workspace_size_m": lambda value: _arrays.number("workspace_size_m", value, *WORKSPACE_M),
     "down": lambda value: _numbers("down", value, 3),
+    "base_from_camera": lambda value: _arrays.pose("base_from_camera", value),
     "base_from_workspace": lambda value: _arrays.pose("base_from_workspace", value),
     "workspace_from_wrist": _wrist,
     "policy": lambda value: _arrays.text("policy", value),

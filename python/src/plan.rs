@@ -38,6 +38,7 @@ struct Request {
     /// Whether poses are in the first camera's frame, or a cloud in its sensor's.
     finds_table: bool,
     down: Option<[f32; 3]>,
+    base_from_camera: Option<Seven>,
     workspace_size_m: Option<f32>,
     base_from_workspace: Option<Seven>,
     workspace_from_wrist: Option<[f32; 4]>,
@@ -60,7 +61,10 @@ struct Request {
 impl Request {
     fn options(self) -> PyResult<PlanOptions> {
         Ok(PlanOptions {
-            find_table: self.finds_table.then(|| FindTable { down: self.down.map(Vec3::from_array) }),
+            find_table: self.finds_table.then(|| FindTable {
+                down: self.down.map(Vec3::from_array),
+                base_from_camera: self.base_from_camera.map(pose),
+            }),
             workspace_size_m: self.workspace_size_m,
             base_from_workspace: self.base_from_workspace.map(pose),
             workspace_from_wrist: self.workspace_from_wrist.map(|wrist| Quat::from_array(wrist).normalize()),

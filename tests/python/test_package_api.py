@@ -28,7 +28,7 @@ plan: Plan = planner.plan(
     approach=((0.0, 0.0, -1.0), 0.5), keep_out=[[0.0, 1.0, 0.0, 0.05]], reach=[[0.0, 0.0, 0.0], [0.3, 0.3, 0.3]], accept=reachable)
 options: PlanOptions = {"grasps_max": 3}
 again = planner.plan_cloud(np.zeros((1, 3)), **options)
-cloud = planner.plan_cloud(np.zeros((1, 3)), workspace_from_cloud="table", down=(0.0, 0.0, 1.0))
+cloud = planner.plan_cloud(np.zeros((1, 3)), workspace_from_cloud="table", down=(0.0, 0.0, 1.0), base_from_camera=np.eye(4))
 found = planner.plan(np.zeros((480, 640)), graspmill.Camera.from_K(np.eye(3), (480, 640)))
 picture: bytes = found.overlay(np.zeros((480, 640, 3), np.uint8))
 width_m: float | None = plan[0].width_m

@@ -257,6 +257,28 @@ def test_gravity_finds_the_table_of_a_camera_that_is_rolled():
         PLANNER.plan(depth, camera, down=-down)
 
 
+def test_a_camera_that_is_calibrated_to_the_base_gives_gravity_and_the_bases_frame(tmp_path):
+    """The base stands level with the table, turned and elsewhere; the camera is rolled by a quarter turn."""
+    upright = graspmill.Camera.look_at((0.15, -0.3, 0.5), (0.15, 0.15, 0.06)).workspace_from_camera
+    roll, base_from_true = np.eye(4), shifted(0.4, -0.2, 0.1) @ np.array([[0.6, -0.8, 0, 0], [0.8, 0.6, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    roll[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
+    pose = upright @ roll
+    depth, camera, base = SCENE.render(graspmill.Camera.from_K(K, SHAPE, pose)), graspmill.Camera.from_K(K, SHAPE), base_from_true @ pose
+    plan = PLANNER.plan(depth, camera, base_from_camera=base)
+    must_be_on_the_table(plan, pose)
+    must_hold(plan, pose)
+    cloud = PLANNER.plan_cloud(points_of(depth), workspace_from_cloud="table", base_from_camera=base)
+    for grasp in [*plan, *cloud]:
+        assert np.allclose(grasp.base_from_grasp, base @ grasp.camera_from_grasp, atol=5e-6)
+    assert PLANNER.plan(depth, camera, base_from_camera=base, down=-pose[2, :3]).answer == plan.answer
+    np.save(tmp_path / "depth.npy", depth)
+    np.savetxt(tmp_path / "K.txt", K)
+    at = ",".join(repr(part) for part in graspmill.Camera.from_K(K, SHAPE, base)._pose())
+    words = ["--depth", tmp_path / "depth.npy", "--intrinsics", tmp_path / "K.txt", f"--base-from-camera={at}"]
+    done = subprocess.run([*PLAN, *words], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == plan.answer
+
+
 def test_what_contradicts_itself_is_refused():
     depth, camera, pose = seen_from(EYES[0])
     points, tsdf = points_of(depth), graspmill.Scene([BOX]).tsdf([RIGHT])
@@ -268,6 +290,7 @@ def test_what_contradicts_itself_is_refused():
         (goes_with, lambda: PLANNER.plan_cloud(points, down=(0, 0, 1))),
         (goes_with, lambda: PLANNER.plan_cloud(points, workspace_from_cloud=pose, down=(0, 0, 1))),
         (goes_with, lambda: PLANNER.plan_tsdf(tsdf, down=(0, 0, 1))),
+        ("base_from_camera goes with a table that is found", lambda: PLANNER.plan(DEPTH, RIGHT, base_from_camera=np.eye(4))),
         ("workspace_from_cloud", lambda: PLANNER.plan_cloud(points, workspace_from_cloud="floor")),
         ("down", lambda: PLANNER.plan(depth, camera, down=(0, 1))),
         ("no table was found", lambda: PLANNER.plan_cloud(np.zeros((0, 3)), workspace_from_cloud="table")),

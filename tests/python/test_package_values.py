@@ -37,8 +37,8 @@ OPTIONS = {
     "grasps_max": 3, "explain": True, "avoid": DOWN, "target_m": (0.15, 0.15, 0.08), "approach": ((0, 0, -1), 0.5),
     "keep_out": [[0, 0, 1, 0.04]], "reach": [[0, 0, 0], [0.3, 0.3, 0.3]], "accept": None,
 }  # fmt: skip
-#: Where the table is found, its place in the base is not known.
-FOUND = {**OPTIONS, "base_from_workspace": None, "down": (0.0, 0.7, 0.7)}
+#: Where the table is found, its place in the base is known by the camera's.
+FOUND = {**OPTIONS, "base_from_workspace": None, "base_from_camera": DOWN, "down": (0.0, 0.7, 0.7)}
 CALLS = {
     "Camera": (graspmill.Camera, {"width_px": 64, "height_px": 48, "fx_px": 54.0, "fy_px": 54.0, "cx_px": 32.0, "cy_px": 24.0, "workspace_from_camera": DOWN, "convention": "opencv"}),
     "from_K": (graspmill.Camera.from_K, {"K": np.diag([54.0, 54, 1]), "shape": (48, 64), "workspace_from_camera": DOWN, "convention": "opengl"}),

@@ -46,6 +46,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
     down: Option<[f64; 3]>,
 
+    /// The first camera, or the cloud's, in the robot's base frame, where the table is found: grasps are returned in the
+    /// base's frame too, and gravity is along its -z
+    #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
+    base_from_camera: Option<[f64; 7]>,
+
     /// File (TOML or JSON) that names depth images and cameras, and may hold options; see below
     #[arg(long, value_name = "FILE")]
     views: Option<PathBuf>,
@@ -247,6 +252,7 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     input.eyes_m = Some(arguments.eye.clone()).filter(|eyes| !eyes.is_empty()).or(input.eyes_m.take());
     input.workspace_from_cloud = arguments.workspace_from_cloud.clone().or(input.workspace_from_cloud.take());
     input.down = arguments.down.or(input.down);
+    input.base_from_camera = arguments.base_from_camera.map(pose).or(input.base_from_camera.take());
     input.policy = arguments.policy.or(input.policy);
     input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
     input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
@@ -309,7 +315,8 @@ A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x
   workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
 Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. Instead of workspace_from_camera,
 a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base. With
-workspace_from_camera = \"table\" in the first view the table is found, and other views have first_from_camera.
+workspace_from_camera = \"table\" in the first view the table is found, other views have first_from_camera, and base_from_camera
+beside the views is the first camera's pose in the base's frame.
 tsdf or cloud (with eyes_m) may stand in place of views. The options config, policy, grasps_max, check_collisions, explain, avoid,
 workspace_from_wrist, workspace_size_m, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";
 

@@ -18,7 +18,7 @@ use crate::input::options::options;
 use crate::input::points::ReadCloud;
 use crate::input::request::{PlaceInput, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
 use crate::input::tsdf::read_tsdf;
-use crate::{BuiltIn, FindTable, Mask, Observation, PlanOptions, PoseKey, Target, View};
+use crate::{BuiltIn, Mask, Observation, PlanOptions, PoseKey, Target, View};
 
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
@@ -53,7 +53,7 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     let mut assembly =
         Assembly { input, folder, base_from_workspace: options.base_from_workspace, warnings: Vec::new() };
     let finds_table = assembly.finds_table()?;
-    options.find_table = finds_table.then(|| FindTable { down: options.find_table.and_then(|wanted| wanted.down) });
+    options.find_table = options.find_table.filter(|_| finds_table);
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
         (Some(views), None, None) => assembly.views(views).map(|(seen, masks)| {
             if masks.iter().any(Option::is_some) {
@@ -198,13 +198,17 @@ impl Assembly<'_> {
             || views.first().is_some_and(|view| is_table(&view.workspace_from_camera));
         if finds && self.base_from_workspace.is_some() {
             return refuse(
-                "the workspace is found, so its place in the base's frame is not known: base_from_workspace",
+                "the workspace is found, so its place in the base's frame is not known (give base_from_camera): \
+                 base_from_workspace",
             );
         }
-        if self.input.down.is_some() && !finds {
-            return refuse("down goes with a table that is to be found, \"table\" in place of a pose: down");
+        let alone = [("down", self.input.down.is_some()), ("base_from_camera", self.input.base_from_camera.is_some())];
+        match alone.into_iter().find(|(_, is_given)| *is_given && !finds) {
+            Some((key, _)) => {
+                refuse(format!("{key} goes with a table that is to be found, \"table\" in place of a pose: {key}"))
+            }
+            None => Ok(finds),
         }
-        Ok(finds)
     }
 
     /// The camera in the workspace, from its pose under one of five keys. Where the table is to be found, the first

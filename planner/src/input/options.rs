@@ -19,6 +19,7 @@ const GRASPS_MAX: usize = 10_000;
 /// [`InputError`], naming the key.
 pub(super) fn options(input: &RequestInput) -> Result<PlanOptions, InputError> {
     let base_from_workspace = input.base_from_workspace.as_ref().map(|input| pose(input, "base_from_workspace"));
+    let base_from_camera = input.base_from_camera.as_ref().map(|input| pose(input, "base_from_camera"));
     let workspace_from_wrist =
         input.workspace_from_wrist.as_ref().map(|input| orientation(input, "workspace_from_wrist"));
     if let Some(got) = input.grasps_max.filter(|count| !(1..=GRASPS_MAX).contains(count)) {
@@ -34,7 +35,10 @@ pub(super) fn options(input: &RequestInput) -> Result<PlanOptions, InputError> {
     let failed = |(number, input): (usize, &PoseInput)| pose(input, &format!("avoid[{number}]"));
     Ok(PlanOptions {
         workspace_size_m,
-        find_table: Some(FindTable { down: input.down.map(|down| direction(down, "down")).transpose()? }),
+        find_table: Some(FindTable {
+            down: input.down.map(|down| direction(down, "down")).transpose()?,
+            base_from_camera: base_from_camera.transpose()?,
+        }),
         base_from_workspace: base_from_workspace.transpose()?,
         workspace_from_wrist: workspace_from_wrist.transpose()?,
         policy: input.policy,

@@ -54,6 +54,9 @@ pub struct RequestInput {
     #[schema(min_items = 3, max_items = 3)]
     #[serde(default, deserialize_with = "maybe_numbers")]
     pub down: Option<[f64; 3]>,
+    /// The first camera, or that of the cloud, in the robot's base frame, where the table is found: grasps are given
+    /// in the base's frame, too, and gravity is along its -z unless `down` is given.
+    pub base_from_camera: Option<PoseInput>,
     /// Positions of the sensors that saw the cloud, at most 32; by default the viewpoint of a PCD file.
     #[schema(schema_with = eyes_schema)]
     #[serde(default, deserialize_with = "rows::<_, 3, EYES_MAX>")]
