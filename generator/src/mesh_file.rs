@@ -101,10 +101,11 @@ pub(crate) fn ending(path: &Path) -> Option<String> {
     path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase())
 }
 
-/// The lines of an OBJ file that say where its triangles are; a backslash at its end continues a line.
+/// The lines of an OBJ file that say where its triangles are; a backslash at its end continues a line. (Of texture and
+/// normals faces may have any numbers; the library computes with them where there are such lines.)
 fn geometry_of(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes).replace("\\\r\n", " ").replace("\\\n", " ");
-    let is_meant = |line: &&str| matches!(line.split_whitespace().next(), Some("v" | "vt" | "vn" | "f"));
+    let is_meant = |line: &&str| matches!(line.split_whitespace().next(), Some("v" | "f"));
     text.lines().filter(is_meant).flat_map(|line| [line, "\n"]).collect()
 }
 
