@@ -263,6 +263,19 @@ impl Planning {
     }
 }
 
+/// A picture's PNG.
+fn drawn<'py>(
+    py: Python<'py>,
+    draw: impl FnOnce() -> Result<Vec<u8>, Failure> + Send,
+) -> PyResult<Bound<'py, PyBytes>> {
+    room(PICTURE_BYTES)?;
+    let png = free(py, || on_threads(0, draw)?)?;
+    PyBytes::new_with(py, png.len(), |bytes| {
+        bytes.copy_from_slice(&png);
+        Ok(())
+    })
+}
+
 /// Ranked grasps.
 #[pyclass(frozen, module = "graspmill._native")]
 #[derive(Debug)]
@@ -288,18 +301,11 @@ impl Plan {
 
     /// A picture of the scene and its grasps, as a PNG.
     fn picture<'py>(&self, py: Python<'py>, title: &str) -> PyResult<Bound<'py, PyBytes>> {
-        room(PICTURE_BYTES)?;
-        let drawn = || on_threads(0, || planner::picture::draw(&self.plan, &self.gripper, title))?;
-        let drawn = free(py, drawn)?;
-        PyBytes::new_with(py, drawn.len(), |bytes| {
-            bytes.copy_from_slice(&drawn);
-            Ok(())
-        })
+        drawn(py, || planner::picture::draw(&self.plan, &self.gripper, title))
     }
 
     /// The best grasps in an image of the first camera, `[height, width, 3]`, or in its shaded depth, as a PNG.
     fn overlay<'py>(&self, py: Python<'py>, image: Option<PyReadonlyArray3<'_, u8>>) -> PyResult<Bound<'py, PyBytes>> {
-        room(PICTURE_BYTES)?;
         let Some(View { image: depth, camera, .. }) = &self.first else {
             return Err(wrong("the plan was made without a camera, so there is no image to draw into"));
         };
@@ -311,16 +317,9 @@ impl Plan {
                 pixels: pixels.rows().into_iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect(),
             }
         });
-        let drawn = || {
-            on_threads(0, || {
-                let image = given.unwrap_or_else(|| ColorImage::shaded(depth, &camera.intrinsics));
-                planner::picture::draw_into(&image, &camera.intrinsics, &self.plan, &self.gripper)
-            })?
-        };
-        let drawn = free(py, drawn)?;
-        PyBytes::new_with(py, drawn.len(), |bytes| {
-            bytes.copy_from_slice(&drawn);
-            Ok(())
+        drawn(py, || {
+            let image = given.unwrap_or_else(|| ColorImage::shaded(depth, &camera.intrinsics));
+            planner::picture::draw_into(&image, &camera.intrinsics, &self.plan, &self.gripper)
         })
     }
 
