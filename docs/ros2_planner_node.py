@@ -10,7 +10,7 @@ class PlannerNode(Node):
     def __init__(self):
         super().__init__("graspmill_planner")
         self.url = self.declare_parameter("url", "http://127.0.0.1:8040/v1/plan").value
-        self.base = self.declare_parameter("base_frame", "").value  # whose z is up; without it the camera stands upright
+        self.base = self.declare_parameter("base_frame", "").value  # its z is up; without it, the camera is upright
         self.info, self.tf = None, tf2_ros.Buffer()
         self.listener = tf2_ros.TransformListener(self.tf, self)
         self.grasps = self.create_publisher(PoseArray, "grasps", 1)

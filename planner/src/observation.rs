@@ -122,8 +122,8 @@ impl PlanOptions {
         self.workspace_from_wrist.unwrap_or(WRIST_DOWN)
     }
 
-    /// The options where the table was found: failed hands were given in the first camera's frame, and the base's may be
-    /// known by it.
+    /// The options where the table was found: failed hands were given in the first camera's frame, and the base's may
+    /// be known by it.
     pub(crate) fn seen_from(&self, workspace_from_first: Pose) -> Self {
         let avoid = self.avoid.iter().map(|failed| workspace_from_first * *failed).collect();
         let base_from_camera = self.find_table.and_then(|wanted| wanted.base_from_camera);

@@ -46,8 +46,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
     down: Option<[f64; 3]>,
 
-    /// The first camera, or the cloud's, in the robot's base frame, where the table is found: grasps are returned in the
-    /// base's frame too, and gravity is along its -z
+    /// The first camera, or the cloud's, in the robot's base frame, where the table is found: grasps are returned in
+    /// the base's frame too, and gravity is along its -z
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
     base_from_camera: Option<[f64; 7]>,
 
