@@ -12,26 +12,14 @@ mod toys;
 mod vessels;
 
 use schema::{MODELS_MAX, Purpose, Stream};
-use settings::{settings, words};
+use settings::settings;
 use simulator::hull_volume_m3;
 
 use crate::catalogue::object_text;
 use blocks::Part;
 use kinds::Draw;
-pub use table::Kind;
 use table::Material;
-
-words! {
-    /// Which kinds are drawn.
-    pub enum Split {
-        /// Those that networks learn from.
-        Train = "train",
-        /// Those that are kept for tests: no shipped config draws them.
-        HeldOut = "held-out",
-        /// Both.
-        All = "all",
-    }
-}
+pub use table::{Kind, Split};
 
 settings! {
     /// A catalogue of household objects that is drawn instead of read.

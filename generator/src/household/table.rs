@@ -6,7 +6,19 @@ use settings::words;
 
 use super::blocks::Part;
 use super::kinds::Draw;
-use super::{Split, kinds, tools, toys, vessels};
+use super::{kinds, tools, toys, vessels};
+
+words! {
+    /// Which kinds are drawn.
+    pub enum Split {
+        /// Those that networks learn from.
+        Train = "train",
+        /// Those that are kept for tests: no shipped config draws them.
+        HeldOut = "held-out",
+        /// Both.
+        All = "all",
+    }
+}
 
 /// What an object is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
