@@ -59,14 +59,14 @@ pub(super) fn pliers(d: &mut Draw) -> Vec<Part> {
 }
 
 pub(super) fn book(d: &mut Draw) -> Vec<Part> {
-    let (x, y, z) = (d.mm(100.0, 185.0), d.mm(65.0, 125.0), d.mm(10.0, 34.0));
-    let (cover, over) = (d.mm(3.0, 3.6), d.mm(2.0, 4.0));
-    let (far_x, far_y, top) = (x + over, y + over, z + cover);
+    let (x, y, z) = (0.5 * d.mm(100.0, 185.0), 0.5 * d.mm(65.0, 125.0), d.mm(10.0, 34.0));
+    let (cover, over) = (d.mm(3.0, 3.6), 0.5 * d.mm(2.0, 4.0));
+    let (far, top) = (x + over, z + cover);
     vec![
-        block([-x, -y, 0.0], [x, y, z]).into_iter().map(|c| 0.5 * Vec3::new(c.x, c.y, 2.0 * c.z)).collect(),
-        block([-0.5 * far_x, -0.5 * y, -cover], [0.5 * far_x, 0.5 * far_y, 0.0]),
-        block([-0.5 * far_x, -0.5 * y, z], [0.5 * far_x, 0.5 * far_y, top]),
-        block([-0.5 * far_x, -0.5 * y - cover, -cover], [0.5 * far_x, -0.5 * y, top]),
+        block([-x, -y, 0.0], [x, y, z]),
+        block([-far, -y, -cover], [far, y + over, 0.0]),
+        block([-far, -y, z], [far, y + over, top]),
+        block([-far, -y - cover, -cover], [far, -y, top]),
     ]
 }
 
