@@ -48,7 +48,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_parser = one_of!(Views), default_value = Views::Anywhere.name())]
     views: Views,
     /// Objects to which half of the attempts go: a catalogue's file (docs/own-objects.md), or household for the kinds
-    /// of docs/household-objects.md, of which nine are kept for a test.
+    /// of docs/household-objects.md, of which a third is kept for a test.
     #[arg(long, value_name = "FILE")]
     objects: Option<PathBuf>,
     /// Weights to begin with, of a judge that answers for the hand, or nothing [default: for a single hand the built-in

@@ -52,7 +52,7 @@ const TOWARDS_EYE: Vec3 = Vec3::new(0.45, -1.0, 1.15);
 /// A cell of a sheet: columns, side in pixels and in metres.
 const COLUMNS: usize = 9;
 const CELL_PX: f32 = 110.0;
-const CELL_M: f32 = 0.19;
+const CELL_M: f32 = 0.24;
 
 /// The view from above and the front: the table's diagonal fits.
 fn eye(scene: &Scene) -> Eye {

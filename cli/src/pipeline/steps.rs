@@ -39,8 +39,8 @@ const TRIED: &str = "tried-objects.toml";
 const FIRST_SHARE: f64 = 1.0 / 3.0;
 /// Epochs of the first round; it need not be trained to the end.
 const FIRST_EPOCHS: u32 = 6;
-/// Household objects to learn from: thirty of each kind. Of the kinds that are held out there are as many.
-const HOUSEHOLD_COUNT: i64 = 540;
+/// Household objects to learn from: twenty of each kind. Of the kinds that are held out there are as many.
+const HOUSEHOLD_COUNT: i64 = 920;
 /// Epochs of the judge, which learns from all rounds.
 const EPOCHS: u32 = 10;
 /// Attempts of the test set.

@@ -6,7 +6,7 @@
 use core::f64::consts::TAU;
 
 use glamx::Vec2;
-use schema::{Quat, Vec3};
+use schema::{Quat, Vec3, axis_angle};
 
 /// The corners of a convex part, in metres.
 pub(super) type Part = Vec<Vec3>;
@@ -57,6 +57,11 @@ pub(super) fn stack(outline: &[Vec2], levels: &[[f32; 2]]) -> Vec<Part> {
         }
     }
     parts
+}
+
+/// A convex outline between two heights.
+pub(super) fn prism(outline: &[Vec2], [low, high]: [f32; 2]) -> Vec<Part> {
+    stack(outline, &[[1.0, low], [1.0, high]])
 }
 
 /// A wall along an outline: the section's points are (scale of the outline, height). A part for each side.
@@ -122,6 +127,28 @@ pub(super) fn sweep(path: &[Vec2], outline: &[Vec2], scales: &[f32]) -> Vec<Part
 /// A box between two corners.
 pub(super) fn block(low: [f32; 3], high: [f32; 3]) -> Part {
     (0..8_usize).map(|c| Vec3::from_array(core::array::from_fn(|axis| [low, high][c >> axis & 1][axis]))).collect()
+}
+
+/// A rectangle as an outline.
+pub(super) fn rectangle(half: Vec2) -> Vec<Vec2> {
+    superellipse(4, 2.0, core::f32::consts::SQRT_2 * half)
+}
+
+/// A box about the origin whose edges and corners are rounded with a radius, in two steps.
+pub(super) fn soft_box(half: Vec3, radius_m: f32) -> Part {
+    let corner = |signs: Vec3| {
+        let towards = (1..8).map(move |axes| Vec3::from_array([1, 2, 4].map(|axis| f32::from(axes & axis > 0))));
+        towards.map(move |towards| signs * (half + radius_m * (towards.normalize() - Vec3::ONE)))
+    };
+    block([-1.0; 3], [1.0; 3]).into_iter().flat_map(corner).collect()
+}
+
+/// The same parts several times around z.
+pub(super) fn around(count: usize, parts: &[Part]) -> Vec<Part> {
+    let turned = |number: usize| {
+        placed(parts.to_vec(), axis_angle(Vec3::Z, core::f32::consts::TAU * number as f32 / count as f32), Vec3::ZERO)
+    };
+    (0..count).flat_map(turned).collect()
 }
 
 /// The same parts turned about the origin, then shifted.

@@ -1,38 +1,38 @@
-//! The kinds: how big each is, and of which parts it is made. Lengths are drawn in millimetres; z is up.
+//! The first kinds: how big each is, and of which parts it is made. Lengths are drawn in millimetres; z is up.
 
-use core::f32::consts::{FRAC_PI_2, TAU};
+use core::f32::consts::FRAC_PI_2;
 
 use glamx::Vec2;
 use schema::{Quat, Stream, Vec3, axis_angle};
 
-use super::blocks::{Part, arc, block, circle, placed, shell, stack, superellipse, sweep, vessel, walls};
+use super::blocks::{Part, arc, around, block, circle, placed, shell, stack, superellipse, sweep, vessel, walls};
 
 /// Sides of a round wall: each is a part.
-const WALLS: usize = 12;
+pub(super) const WALLS: usize = 12;
 /// Sides of a round solid.
-const SIDES: usize = 16;
+pub(super) const SIDES: usize = 16;
 
 /// A draw of dimensions.
 pub(super) struct Draw(pub(super) Stream);
 
 impl Draw {
     /// A length in metres, uniform between these millimetres.
-    fn mm(&mut self, low: f32, high: f32) -> f32 {
+    pub(super) fn mm(&mut self, low: f32, high: f32) -> f32 {
         self.0.uniform(0.001 * low, 0.001 * high)
     }
 
     /// A ratio or an angle, uniform.
-    fn ratio(&mut self, low: f32, high: f32) -> f32 {
+    pub(super) fn ratio(&mut self, low: f32, high: f32) -> f32 {
         self.0.uniform(low, high)
     }
 }
 
-fn v(x: f32, y: f32) -> Vec2 {
+pub(super) fn v(x: f32, y: f32) -> Vec2 {
     Vec2::new(x, y)
 }
 
 /// The distance of the sides of a round wall of this radius from the axis.
-fn inside(radius_m: f32) -> f32 {
+pub(super) fn inside(radius_m: f32) -> f32 {
     radius_m * circle(WALLS)[0].x
 }
 
@@ -241,11 +241,7 @@ pub(super) fn knob(d: &mut Draw) -> Vec<Part> {
     let (stem, half, arms) = (d.mm(15.0, 35.0), d.mm(6.0, 8.5), 3 + d.0.index(3));
     let core = 0.6 * hub;
     let mut parts = stack(&circle(WALLS), &[[core, -stem], [core, 0.0], [hub, 0.0], [hub, high]]);
-    for arm in 0..arms {
-        let turn = axis_angle(Vec3::Z, TAU * arm as f32 / arms as f32);
-        let bar = block([0.93 * hub, -half, 0.0], [reach, half, 0.8 * high]);
-        parts.extend(placed(vec![bar], turn, Vec3::ZERO));
-    }
+    parts.extend(around(arms, &[block([0.93 * hub, -half, 0.0], [reach, half, 0.8 * high])]));
     parts
 }
 

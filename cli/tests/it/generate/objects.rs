@@ -525,7 +525,7 @@ fn household_objects_are_the_same_from_a_file_and_from_a_config() {
     let told = check_ok(&make(&["--picture", "household.svg"]));
     assert!(told.contains("mug") && told.contains("20 objects written to household.toml"), "{told}");
     let picture = fs::read_to_string(dir.path().join("household.svg")).unwrap();
-    assert_eq!(picture.matches("<text").count(), 9, "{picture}");
+    assert_eq!(picture.matches("<text").count(), 20, "{picture}");
     let bytes = || fs::read(dir.path().join("household.toml")).unwrap();
     let first = bytes();
     check_ok(&make(&[]));
