@@ -8,8 +8,8 @@ use super::lattice::Lattice;
 /// The effect of a matching window that lies half on a near surface and half on a far one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgeNoise {
-    /// How far a near surface covers what is beside it, in pixels.
-    pub fattening_px: f32,
+    /// How far a near surface covers what is beside it along u, and along v, in pixels.
+    pub fattening_px: [f32; 2],
     /// How far a far surface has no depth beside what is hidden, in pixels. Negative: how far it covers what is hidden.
     pub hole_px: f32,
     /// Standard deviation of both along an edge, in pixels.
@@ -24,13 +24,17 @@ const RAGGED_CELL_PX: f32 = 4.0;
 
 impl EdgeNoise {
     /// Edges are where they are.
-    pub const NONE: Self = Self { fattening_px: 0.0, hole_px: 0.0, ragged_px: 0.0 };
+    pub const NONE: Self = Self { fattening_px: [0.0; 2], hole_px: 0.0, ragged_px: 0.0 };
 
     /// Those of another lens: as wide in angle.
     #[must_use]
     pub fn scaled(self, scale: f32) -> Self {
         let Self { fattening_px, hole_px, ragged_px } = self;
-        Self { fattening_px: fattening_px * scale, hole_px: hole_px * scale, ragged_px: ragged_px * scale }
+        Self {
+            fattening_px: fattening_px.map(|reach_px| reach_px * scale),
+            hole_px: hole_px * scale,
+            ragged_px: ragged_px * scale,
+        }
     }
 }
 
@@ -85,10 +89,11 @@ impl Walk<'_> {
 
     /// Where a near surface ends: it covers the first pixels beside it.
     fn widen(&self, visible: &[f32], side: [isize; 2], seen: &mut [f32]) {
+        let reach_px = self.edges.fattening_px[usize::from(side[0] == 0)];
         for (near, far) in self.pairs(side) {
             for (distance, pixel) in (1..).zip(self.from(far, side)) {
                 let is_far = self.real[pixel] > 0.0 && visible[near] > self.real[pixel] + ONE_SURFACE_PX;
-                if !is_far || distance as f32 > self.edges.fattening_px + 0.5 + self.ragged_px[pixel] {
+                if !is_far || distance as f32 > reach_px + 0.5 + self.ragged_px[pixel] {
                     break;
                 }
                 seen[pixel] = seen[pixel].max(visible[near]);
@@ -138,13 +143,13 @@ mod tests {
 
     #[test]
     fn a_near_surface_grows_over_what_is_beside_and_hidden() {
-        let fat = row(EdgeNoise { fattening_px: 2.0, ..EdgeNoise::NONE });
+        let fat = row(EdgeNoise { fattening_px: [2.0; 2], ..EdgeNoise::NONE });
         assert_eq!(fat, expected(&[(6, 20.0), (4, 0.0), (8, 30.0), (6, 20.0)]));
     }
 
     #[test]
     fn holes_are_wider_or_filled_from_their_far_side() {
-        let wide = row(EdgeNoise { fattening_px: 1.0, hole_px: 2.0, ragged_px: 0.0 });
+        let wide = row(EdgeNoise { fattening_px: [1.0; 2], hole_px: 2.0, ragged_px: 0.0 });
         assert_eq!(wide, expected(&[(4, 20.0), (7, 0.0), (6, 30.0), (7, 20.0)]));
         let filled = row(EdgeNoise { hole_px: -4.0, ..EdgeNoise::NONE });
         assert_eq!(filled, expected(&[(10, 20.0), (2, 0.0), (4, 30.0), (8, 20.0)]));
@@ -157,7 +162,7 @@ mod tests {
     fn a_slanted_surface_has_no_edges() {
         let real: Vec<f32> = (0..24).map(|u| 20.0 + 0.8 * u as f32).collect();
         let mut seen = real.clone();
-        let edges = EdgeNoise { fattening_px: 3.0, hole_px: 2.0, ragged_px: 1.0 };
+        let edges = EdgeNoise { fattening_px: [3.0; 2], hole_px: 2.0, ragged_px: 1.0 };
         move_edges(&flat_image(24, 1, 1.0), &edges, &real, &mut seen, &mut stream(0));
         assert_eq!(seen, real);
     }
@@ -168,7 +173,7 @@ mod tests {
         let image = flat_image(width, height, 1.0);
         let real: Vec<f32> = (0..width * height).map(|pixel| if pixel % width < 20 { 30.0 } else { 20.0 }).collect();
         let mut seen = real.clone();
-        let edges = EdgeNoise { fattening_px: 5.0, hole_px: 0.0, ragged_px: 1.5 };
+        let edges = EdgeNoise { fattening_px: [5.0, 0.0], hole_px: 0.0, ragged_px: 1.5 };
         move_edges(&image, &edges, &real, &mut seen, &mut stream(2));
         let reach = |row: &[f32]| row.iter().filter(|disparity| **disparity == 30.0).count() as f64 - 20.0;
         let reached: Vec<f64> = seen.chunks_exact(width).map(reach).collect();

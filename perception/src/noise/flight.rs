@@ -130,10 +130,10 @@ mod tests {
         }
         let flight = FlightNoise { view_rad: 1.5, ..without_errors() };
         let spoiled = spoil(image.clone(), flight, 7);
-        let (mut flying, mut invalid, mut weights) = (0, 0, Vec::new());
+        let (mut flying, mut invalid, mut weights) = (0_u32, 0_u32, Vec::new());
         for (pixel, (before, after)) in image.depth_m.iter().zip(&spoiled.depth_m).enumerate() {
             if [14, 25].contains(&(pixel % width)) {
-                invalid += usize::from(*after == 0.0);
+                invalid += u32::from(*after == 0.0);
                 if *after > 0.0 && *after < 1.0 {
                     flying += 1;
                     weights.push(f64::from((after - 0.8) / 0.2));
@@ -143,8 +143,8 @@ mod tests {
             }
         }
         let count = 2.0 * height as f64;
-        assert!((flying as f64 / count - 0.5).abs() < 2.0 / count.sqrt(), "{flying} of {count}");
-        assert!((invalid as f64 / count - 0.2).abs() < 2.0 / count.sqrt(), "{invalid} of {count}");
+        assert!((f64::from(flying) / count - 0.5).abs() < 2.0 / count.sqrt(), "{flying} of {count}");
+        assert!((f64::from(invalid) / count - 0.2).abs() < 2.0 / count.sqrt(), "{invalid} of {count}");
         let (mean, variance) = moments(&weights);
         assert!((mean - 0.5).abs() < 0.02 && (variance - 1.0 / 12.0).abs() < 0.005, "{mean}, {variance}");
     }
