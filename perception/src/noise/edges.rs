@@ -179,7 +179,7 @@ mod tests {
         let reached: Vec<f64> = seen.chunks_exact(width).map(reach).collect();
         let mean = reached.iter().sum::<f64>() / reached.len() as f64;
         let std = (reached.iter().map(|px| (px - mean).powi(2)).sum::<f64>() / reached.len() as f64).sqrt();
-        // 500 lattice rows; rounding adds 1/12 to the variance, and the walk along u ends at the first pixel that is too far.
+        // 500 lattice rows; rounding adds 1/12 to the variance, and a walk ends at the first pixel that is too far.
         assert!((mean - 5.0).abs() < 0.5, "{mean}");
         assert!((1.1..1.8).contains(&std), "{std}");
     }

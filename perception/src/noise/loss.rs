@@ -46,8 +46,8 @@ impl Loss {
     }
 }
 
-/// Sets values of an image to 0 where nothing was measured. `slopes` has for each pixel, as disparities have, a value in
-/// which planes are linear: any multiple of 1/depth, or 0.
+/// Sets values of an image to 0 where nothing was measured. `slopes` has for each pixel, as disparities have, a value
+/// in which planes are linear: any multiple of 1/depth, or 0.
 pub(super) fn lose(
     image: &DepthImage,
     loss: &Loss,

@@ -127,10 +127,11 @@ impl FlightNoise {
     /// Microsoft Azure Kinect in its narrow mode, 640 × 576, in the depth camera's place. No capture was there, so only
     /// limits are known.
     ///
-    /// - 504 px: the lens of the narrow mode; 640 px across 65° in the middle rows.
+    /// - 504 px: the lens in calibrations of the narrow mode.
     /// - 1 mm at 1 m, with the square of depth: our choice. Microsoft promises at most 17 mm, Tölgyessy et al. (2021)
     ///   confirm that limit. 1.5 px: our choice.
-    /// - Every second pixel beside an edge flies, every fifth is invalid: our choice; both were seen by Tölgyessy et al.
+    /// - Every second pixel beside an edge flies, every fifth is invalid: our choice. Tölgyessy et al. saw flying pixels
+    ///   and did not count them.
     /// - 0.70 rad: our round form of the hexagon in which the narrow mode has depth (75° × 65°).
     /// - Loss: that of [`StereoNoise::D435_REAL`]. Unknown.
     pub const AZURE: Self = Self {

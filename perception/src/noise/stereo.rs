@@ -1,5 +1,5 @@
-//! Depth noise of sensors that triangulate: uniform in disparity, so it grows with depth squared; quantised; and without
-//! depth where not everything that must see a surface sees it.
+//! Depth noise of sensors that triangulate: uniform in disparity, so it grows with depth squared; quantised; and
+//! without depth where not everything that must see a surface sees it.
 
 use schema::{DepthImage, Stream};
 
@@ -11,8 +11,8 @@ use super::loss::{Loss, lose};
 ///
 /// Two imagers, or an imager and a projector, are `baseline_m` apart along the camera's x. A point at depth z is at
 /// places in their images that differ by the disparity d = focal length · baseline / z. The sensor measures d with an
-/// error that does not depend on z, so depth has the error z² · error / (focal length · baseline) (Keselman et al. 2017,
-/// equation 2; Intel's "Tuning depth cameras for best performance"). The quantisation steps grow in the same way.
+/// error that does not depend on z, so depth has the error z² · error / (focal length · baseline) (Keselman et al.
+/// 2017, equation 2; Intel's "Tuning depth cameras for best performance"). The quantisation steps grow in the same way.
 ///
 /// Pixels that one of the two does not see have no depth. An imager to the right of the camera by b sees a pixel moved
 /// to the left by focal length · b / z, so it does not see the background to the left of a foreground object, as many
