@@ -96,7 +96,7 @@ def box(image, half):
 
 
 def dropout_of(row, half=7):
-    """Pixels around which depth is one plane: its angle in degrees, whether the pixel has no depth; and runs of such pixels."""
+    """Pixels around which depth is one plane: its angle in degrees, whether the pixel has no depth; runs of such."""
     z_m, (fx, fy, cx, cy) = row["z_m"], row["fx_fy_cx_cy"]
     seen = (z_m > 0).astype(float)
     v, u = np.mgrid[: z_m.shape[0], : z_m.shape[1]]
@@ -188,8 +188,9 @@ def noise_told(rows):
         told["correlation_column"] = np.median(blocks[:, 2 + len(LAGS_PX) :], 0).round(3).tolist()
         parts = np.array_split(blocks[np.argsort(blocks[:, 0])], 4)
         std_mm = [1e3 * np.median(part[:, 1] * part[:, 0] ** 2) for part in parts]
+        ranges_m = [np.median(part[:, 0]) for part in parts]
         told["noise_by_range"] = [
-            {"z_m": round(float(np.median(part[:, 0])), 3), "std_mm": round(float(std), 3)} for part, std in zip(parts, std_mm)
+            {"z_m": round(float(z_m), 3), "std_mm": round(float(std), 3)} for z_m, std in zip(ranges_m, std_mm)
         ]
     return told
 
