@@ -91,7 +91,7 @@ def main():
             rays = np.dstack([x, y, np.ones(depth_m.shape)])
             above = depth_m * (rays @ np.array(row["table_normal"])) + row["table_offset_m"] > 0.002
             Image.fromarray(np.where(above, 220, 60).astype(np.uint8)).save(asked.out / f"{name}-color.jpg", quality=95)
-            rows.append(row | {"name": name, "sensor": family})
+            rows.append(row | {"name": name, "sensor": kind.removesuffix("_real")})
     (asked.out / "captures.json").write_text(json.dumps(rows, indent=1))
     return 0
 

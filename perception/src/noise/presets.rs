@@ -130,8 +130,8 @@ impl FlightNoise {
     /// - 504 px: the lens in calibrations of the narrow mode.
     /// - 1 mm at 1 m, with the square of depth: our choice. Microsoft promises at most 17 mm, Tölgyessy et al. (2021)
     ///   confirm that limit. 1.5 px: our choice.
-    /// - Every second pixel beside an edge flies, every fifth is invalid: our choice. Tölgyessy et al. saw flying
-    ///   pixels and did not count them.
+    /// - Every second pixel beside an edge flies, every fifth is invalid: our choice. Tölgyessy et al. describe
+    ///   flying pixels.
     /// - 0.70 rad: our round form of the hexagon in which the narrow mode has depth (75° × 65°).
     /// - Loss: that of [`StereoNoise::D435_REAL`]. Unknown.
     pub const AZURE: Self = Self {
