@@ -1,6 +1,6 @@
 //! 640 × 480 views onto voxels: `cargo bench -p graspmill-perception`.
 
-use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, fuse_images};
+use perception::{NoiseKind, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, fuse_images};
 use schema::{Camera, DepthImage, Grid, Intrinsics, Purpose, Stream, Vec3, View};
 
 fn main() {
@@ -45,10 +45,13 @@ fn to_voxels(bencher: divan::Bencher<'_, '_>) {
     bencher.bench_local(|| tsdf.to_voxels());
 }
 
-#[divan::bench]
-fn dex_noise(bencher: divan::Bencher<'_, '_>) {
-    let (_, mut image) = table_view();
-    let dex = DepthNoise::Dex(DexNoise { smooth_rate: 1.0, ..DexNoise::GIGA });
+#[divan::bench(args = NoiseKind::ALL.map(NoiseKind::name))]
+fn noise(bencher: divan::Bencher<'_, '_>, kind: &str) {
+    let (camera, clean) = table_view();
+    let noise = NoiseKind::from_name(kind).unwrap_or(NoiseKind::None).noise(0.005, camera.intrinsics.fx_px);
     let mut stream = Stream::new(0, 0, Purpose::DepthNoise, 0);
-    bencher.bench_local(|| add_depth_noise(&mut image, &dex, &mut stream));
+    bencher.with_inputs(|| clean.clone()).bench_local_values(|mut image| {
+        add_depth_noise(&mut image, &noise, &mut stream);
+        image
+    });
 }

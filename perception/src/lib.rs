@@ -45,7 +45,7 @@ pub use blocks::{Field, SurfaceBlocks, mean_distance};
 pub use cloud_view::{NEAR_M, cloud_image, view_from};
 pub use clusters::{ClusterParams, clusters};
 pub use level::{TableArea, scaled_to_table, table_around};
-pub use noise::{DepthNoise, DexNoise, StereoNoise, add_depth_noise};
+pub use noise::{DepthNoise, DexNoise, EdgeNoise, FlightNoise, Loss, StereoNoise, add_depth_noise};
 pub use normals::normals;
 pub use plane::{FoundPlane, PlaneParams, find_plane};
 pub use seen::seen_points;

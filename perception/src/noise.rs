@@ -4,13 +4,21 @@
 //! moves. A pixel without depth stays without depth; a pixel that noise pushes to 0 or below loses its depth.
 
 mod dex;
+mod edges;
+mod flight;
 mod lattice;
+mod loss;
+mod presets;
 mod stereo;
 
 use schema::{DepthImage, Stream};
 
 pub use self::dex::DexNoise;
 use self::dex::{add_dex_noise, spoiled};
+pub use self::edges::EdgeNoise;
+pub use self::flight::FlightNoise;
+use self::flight::add_flight_noise;
+pub use self::loss::Loss;
 pub use self::stereo::StereoNoise;
 use self::stereo::add_stereo_noise;
 
@@ -28,6 +36,8 @@ pub enum DepthNoise {
     Dex(DexNoise),
     /// Errors in disparity, so that depth errors grow with depth squared, and holes where only one of two imagers sees.
     Stereo(StereoNoise),
+    /// Errors of a time-of-flight camera, with pixels that fly between the sides of an edge.
+    Flight(FlightNoise),
 }
 
 /// Adds noise to a depth image in place.
@@ -42,6 +52,7 @@ pub fn add_depth_noise(image: &mut DepthImage, noise: &DepthNoise, stream: &mut 
         }
         DepthNoise::Dex(dex) => add_dex_noise(image, dex, stream),
         DepthNoise::Stereo(stereo) => add_stereo_noise(image, stereo, stream),
+        DepthNoise::Flight(flight) => add_flight_noise(image, flight, stream),
     }
 }
 
@@ -68,6 +79,34 @@ mod tests {
         image.depth_m.iter().map(|d| f64::from(*d)).collect()
     }
 
+    pub(super) const SENSORS: [DepthNoise; 6] = [
+        DepthNoise::Stereo(StereoNoise::D435),
+        DepthNoise::Stereo(StereoNoise::D435_REAL),
+        DepthNoise::Stereo(StereoNoise::D405),
+        DepthNoise::Stereo(StereoNoise::KINECT),
+        DepthNoise::Stereo(StereoNoise::PHOXI),
+        DepthNoise::Flight(FlightNoise::AZURE),
+    ];
+
+    /// What is nowhere stays nowhere, and a scene of steps and holes takes as many draws as a wall.
+    #[test]
+    fn what_an_image_shows_does_not_change_the_draws_of_a_sensor() {
+        for noise in SENSORS {
+            let (mut wall, mut steps) = (flat_image(256, 16, 0.9), flat_image(256, 16, 0.9));
+            for (pixel, depth) in steps.depth_m.iter_mut().enumerate() {
+                *depth = [0.9, 0.5, 0.0, 0.7][pixel % 256 / 64];
+            }
+            let (mut of_wall, mut of_steps) = (stream(4), stream(4));
+            add_depth_noise(&mut wall, &noise, &mut of_wall);
+            add_depth_noise(&mut steps, &noise, &mut of_steps);
+            assert_eq!(of_wall.bits(), of_steps.bits(), "{noise:?}");
+            for (pixel, depth) in steps.depth_m.iter().enumerate() {
+                assert!(*depth >= 0.0 && (pixel % 256 / 64 != 2 || *depth == 0.0), "{depth} m at {pixel}: {noise:?}");
+            }
+            assert!(steps.depth_m.iter().filter(|depth| **depth > 0.0).count() > 256 * 16 / 4, "{noise:?}");
+        }
+    }
+
     #[test]
     fn none_leaves_every_bit() {
         let mut image = flat_image(8, 6, 0.7);
@@ -89,12 +128,8 @@ mod tests {
 
     #[test]
     fn the_same_stream_gives_the_same_image_and_another_does_not() {
-        let models = [
-            DepthNoise::Gaussian { std_m: 0.01 },
-            DepthNoise::Dex(DexNoise::GIGA),
-            DepthNoise::Stereo(StereoNoise::D435),
-        ];
-        for noise in models {
+        let models = [DepthNoise::Gaussian { std_m: 0.01 }, DepthNoise::Dex(DexNoise::GIGA)];
+        for noise in models.into_iter().chain(SENSORS) {
             let spoil = |scene| {
                 let mut image = flat_image(64, 48, 0.5);
                 add_depth_noise(&mut image, &noise, &mut stream(scene));

@@ -4,7 +4,7 @@ use schema::{Camera, DepthImage, Grid, Stream, Vec3, axis_angle};
 use serde::Serialize;
 use settings::{Reader, settings, words};
 
-use crate::{DepthNoise, DexNoise, StereoNoise, add_depth_noise, scaled_to_table, table_around};
+use crate::{DepthNoise, DexNoise, FlightNoise, StereoNoise, add_depth_noise, scaled_to_table, table_around};
 
 words! {
     /// A model of a sensor's noise.
@@ -13,15 +13,25 @@ words! {
         None = "none",
         /// Independent in every pixel.
         Gaussian = "gaussian",
-        /// A RealSense's.
+        /// A RealSense D435's by its data sheet.
         D435 = "d435",
         /// GIGA's.
         Dex = "dex",
+        /// A D435's as it was measured, with the colour camera's view.
+        D435Real = "d435_real",
+        /// A RealSense D405's.
+        D405 = "d405",
+        /// A Kinect's of 2010.
+        Kinect = "kinect",
+        /// An Azure Kinect's.
+        Azure = "azure",
+        /// A Photoneo PhoXi's.
+        Phoxi = "phoxi",
     }
 }
 
 impl NoiseKind {
-    /// The noise; `std_m` is that of `gaussian`, `focal_px` the lens of `d435`.
+    /// The noise; `std_m` is that of `gaussian`, `focal_px` the lens of sensors.
     #[must_use]
     pub fn noise(self, std_m: f32, focal_px: f32) -> DepthNoise {
         match self {
@@ -29,6 +39,11 @@ impl NoiseKind {
             Self::Gaussian => DepthNoise::Gaussian { std_m },
             Self::Dex => DepthNoise::Dex(DexNoise::GIGA),
             Self::D435 => DepthNoise::Stereo(StereoNoise { focal_px, ..StereoNoise::D435 }),
+            Self::D435Real => DepthNoise::Stereo(StereoNoise::D435_REAL.through(focal_px)),
+            Self::D405 => DepthNoise::Stereo(StereoNoise::D405.through(focal_px)),
+            Self::Kinect => DepthNoise::Stereo(StereoNoise::KINECT.through(focal_px)),
+            Self::Phoxi => DepthNoise::Stereo(StereoNoise::PHOXI.through(focal_px)),
+            Self::Azure => DepthNoise::Flight(FlightNoise::AZURE.through(focal_px)),
         }
     }
 }

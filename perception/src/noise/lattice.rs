@@ -4,6 +4,8 @@ use schema::{DepthImage, Stream};
 
 /// Independent N(0, std²) values at lattice points that are evenly spaced over an image.
 pub(super) struct Lattice {
+    width_px: usize,
+    height_px: usize,
     columns: usize,
     rows: usize,
     columns_per_px: f32,
@@ -15,6 +17,8 @@ impl Lattice {
     /// Draws `columns` times `rows` values for an image of this size.
     pub(super) fn draw(image: &DepthImage, [columns, rows]: [usize; 2], std: f32, stream: &mut Stream) -> Self {
         Self {
+            width_px: image.width_px,
+            height_px: image.height_px,
             columns,
             rows,
             columns_per_px: columns as f32 / image.width_px as f32,
@@ -27,25 +31,47 @@ impl Lattice {
     /// (`skimage.transform.resize`, `order=1`, `mode="constant"`).
     pub(super) fn at(&self, u: usize, v: usize) -> f32 {
         let [x, y] = self.place(u, v);
-        let (left, top) = (x.floor(), y.floor());
-        let (right_share, bottom_share) = (x - left, y - top);
-        let row = |y: f32| self.point(left, y) * (1.0 - right_share) + self.point(left + 1.0, y) * right_share;
-        row(top) * (1.0 - bottom_share) + row(top + 1.0) * bottom_share
+        let top = y.floor();
+        let share = y - top;
+        self.between(x, top) * (1.0 - share) + self.between(x, top + 1.0) * share
     }
 
-    /// The value at a pixel, scaled to the standard deviation of the lattice points.
+    /// The values at all pixels, scaled to the standard deviation of the lattice points.
     ///
     /// A weighted mean of independent values has Σw² of their variance: a quarter of it midway between four points.
     /// Dividing by √Σw² over the existing points corrects that. There must be at least one point, and at most one per
     /// pixel.
-    pub(super) fn even_at(&self, u: usize, v: usize) -> f32 {
-        let [x, y] = self.place(u, v);
-        self.at(u, v) / (squared_shares(x, self.columns) * squared_shares(y, self.rows)).sqrt()
+    pub(super) fn even(&self) -> Vec<f32> {
+        let columns: Vec<(f32, f32)> =
+            (0..self.width_px).map(|u| self.place(u, 0)[0]).map(|x| (x, squared_shares(x, self.columns))).collect();
+        let between = |y: f32| -> Vec<f32> { columns.iter().map(|(x, _)| self.between(*x, y)).collect() };
+        let mut values = Vec::with_capacity(self.width_px * self.height_px);
+        let (mut top, mut upper, mut lower) = (f32::NAN, Vec::new(), Vec::new());
+        for v in 0..self.height_px {
+            let y = self.place(0, v)[1];
+            if y.floor() != top {
+                top = y.floor();
+                (upper, lower) = (between(top), between(top + 1.0));
+            }
+            let (share, squared) = (y - top, squared_shares(y, self.rows));
+            let rows = upper.iter().zip(&lower).zip(&columns);
+            values.extend(rows.map(|((upper, lower), (_, columns))| {
+                (upper * (1.0 - share) + lower * share) / (columns * squared).sqrt()
+            }));
+        }
+        values
     }
 
     /// The position of a pixel, in lattice points.
     fn place(&self, u: usize, v: usize) -> [f32; 2] {
         [(u as f32 + 0.5) * self.columns_per_px - 0.5, (v as f32 + 0.5) * self.rows_per_px - 0.5]
+    }
+
+    /// The value between the points on both sides of `x` in a row of points.
+    fn between(&self, x: f32, y: f32) -> f32 {
+        let left = x.floor();
+        let share = x - left;
+        self.point(left, y) * (1.0 - share) + self.point(left + 1.0, y) * share
     }
 
     fn point(&self, x: f32, y: f32) -> f32 {
@@ -75,8 +101,8 @@ mod tests {
         let mut values = vec![Vec::new(); 12 * 9];
         for _ in 0..lattices {
             let lattice = Lattice::draw(&image, [4, 3], 0.5, &mut stream);
-            for (pixel, values) in values.iter_mut().enumerate() {
-                values.push(f64::from(lattice.even_at(pixel % 12, pixel / 12)));
+            for (values, even) in values.iter_mut().zip(lattice.even()) {
+                values.push(f64::from(even));
             }
         }
         let count = f64::from(lattices);
@@ -90,8 +116,10 @@ mod tests {
     #[test]
     fn a_lattice_of_one_point_is_that_value_everywhere() {
         let lattice = Lattice::draw(&flat_image(3, 2, 1.0), [1, 1], 1.0, &mut stream(2));
-        for (u, v) in [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)] {
-            assert!((lattice.even_at(u, v) - lattice.values[0]).abs() < 1e-5, "{} at {u}, {v}", lattice.even_at(u, v));
+        let even = lattice.even();
+        assert_eq!(even.len(), 6);
+        for (pixel, value) in even.iter().enumerate() {
+            assert!((value - lattice.values[0]).abs() < 1e-5, "{value} at {pixel}");
         }
     }
 }

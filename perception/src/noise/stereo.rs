@@ -1,92 +1,122 @@
-//! Depth noise of an active-stereo camera: uniform in disparity, so it grows with depth squared; quantised; and without
-//! depth where only one of the two imagers sees the surface.
+//! Depth noise of sensors that triangulate: uniform in disparity, so it grows with depth squared; quantised; and
+//! without depth where not everything that must see a surface sees it.
 
 use schema::{DepthImage, Stream};
 
+use super::edges::{EdgeNoise, move_edges};
 use super::lattice::Lattice;
+use super::loss::{Loss, lose};
 
-/// Errors of a camera that computes depth by matching the images of two imagers.
+/// Errors of a sensor that finds depth by matching two images, or an image and a projected pattern.
 ///
-/// The image is that of the left imager. The right imager is `baseline_m` away along the camera's x and sees a point at
-/// depth z shifted to the left by the disparity d = focal length · baseline / z. The camera measures d with an error
-/// that does not depend on z, so depth has the error z² · error / (focal length · baseline) (Keselman et al. 2017,
-/// equation 2; Intel's "Tuning depth cameras for best performance"). The quantisation steps grow in the same way.
+/// Two imagers, or an imager and a projector, are `baseline_m` apart along the camera's x. A point at depth z is at
+/// places in their images that differ by the disparity d = focal length · baseline / z. The sensor measures d with an
+/// error that does not depend on z, so depth has the error z² · error / (focal length · baseline) (Keselman et al.
+/// 2017, equation 2; Intel's "Tuning depth cameras for best performance"). The quantisation steps grow in the same way.
 ///
-/// Pixels that the right imager does not see have no depth. These are the background to the left of a foreground
-/// object, as many pixels as the disparities differ, and a band of d pixels at the image's left edge ("invalid depth
-/// band" in the D400 series' datasheet). A surface also hides itself where disparity rises to the right by at least
-/// half a pixel per pixel, on faces that turn away from the right imager (at 0.6 m and 50 mm of baseline by 80°).
+/// Pixels that one of the two does not see have no depth. An imager to the right of the camera by b sees a pixel moved
+/// to the left by focal length · b / z, so it does not see the background to the left of a foreground object, as many
+/// pixels as these differ; one to the left not that to the right. Where both are beside the camera, for the image was
+/// moved to a colour camera's place, both sides can have shadows. If the image is that of the left imager, a band at
+/// its left edge is beyond the right one's view ("invalid depth band" in the D400 series' datasheet). A surface also
+/// hides itself where disparity rises to the right by at least half a pixel per pixel, on faces that turn away from the
+/// right imager (at 0.6 m and 50 mm of baseline by 80°).
 ///
-/// Not modelled: the minimum depth, given by the searched range of disparities; textures, gloss and light; depths
-/// smeared across edges; calibration errors, which stay the same from image to image.
+/// Not modelled: the minimum depth, given by the searched range of disparities; where in the image things are dark,
+/// glossy or without texture; calibration errors, which stay the same from image to image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StereoNoise {
     /// Focal length along u of the image, in pixels.
     pub focal_px: f32,
-    /// Distance between the imagers, in metres.
+    /// Distance between the imagers, or imager and projector, in metres.
     pub baseline_m: f32,
+    /// How far right of the camera the rightmost of what must see a surface stands, and how far left the leftmost.
+    pub seen_from_m: [f32; 2],
+    /// Whether the other imager's view ends where the camera's does, so that there is a band without depth.
+    pub has_band: bool,
     /// Standard deviation of the disparity at every pixel before it is rounded, in pixels.
     pub subpixel_std_px: f32,
-    /// Distance between the lattice points from which the error is interpolated, in pixels; at least 1. Errors two such
-    /// cells apart are independent.
-    pub smooth_cell_px: f32,
-    /// Quantisation step of the disparity, in pixels.
+    /// Distance between the lattice points from which the error is interpolated, along u and v, in pixels; at least 1.
+    /// Errors two such cells apart are independent.
+    pub smooth_cell_px: [f32; 2],
+    /// Quantisation step of the disparity, in pixels; 0 for none.
     pub disparity_step_px: f32,
+    /// Quantisation step of the depth that is made of it, in metres; 0 for none.
+    pub depth_step_m: f32,
+    /// What the window of matching does beside edges.
+    pub edges: EdgeNoise,
+    /// Holes within surfaces.
+    pub loss: Loss,
 }
 
 impl StereoNoise {
-    /// Intel RealSense D435 behind the lens of VGN's simulated camera.
-    ///
-    /// - 540 px: [`schema::Intrinsics::VGN`]. The D435 itself has 424 px at 848 × 480 (90° across), where the same
-    ///   disparity error is 1.27 times as large in depth.
-    /// - 50 mm: the D400 series' datasheet.
-    /// - 0.08 px: the advice of an author of Intel's tuning guide for the formula above; 0.03 px at best, in a highly
-    ///   textured scene (librealsense, issue 3904).
-    /// - 3.5 px: our choice. The D435's matching window is not published; its predecessor R200 sums over 7 × 7 px
-    ///   (Keselman et al. 2017), which correlates errors less than 7 px apart, as two cells of 3.5 px do.
-    /// - 1/32 px: "Subpixel linearity improvement for Intel RealSense depth cameras D400 series".
-    pub const D435: Self = Self {
-        focal_px: 540.0,
-        baseline_m: 0.05,
-        subpixel_std_px: 0.08,
-        smooth_cell_px: 3.5,
-        disparity_step_px: 1.0 / 32.0,
-    };
-}
-
-pub(super) fn add_stereo_noise(image: &mut DepthImage, stereo: &StereoNoise, stream: &mut Stream) {
-    // Rounded up, so that the smallest image has a lattice point.
-    let points = |pixels: usize| (pixels as f32 / stereo.smooth_cell_px).ceil() as usize;
-    let counts = [points(image.width_px), points(image.height_px)];
-    let errors_px = Lattice::draw(image, counts, stereo.subpixel_std_px, stream);
-    let depth_times_disparity = stereo.focal_px * stereo.baseline_m;
-    for v in 0..image.height_px {
-        let row = &mut image.depth_m[v * image.width_px..(v + 1) * image.width_px];
-        let mut disparity_px: Vec<f32> =
-            row.iter().map(|depth| if *depth > 0.0 { depth_times_disparity / depth } else { 0.0 }).collect();
-        hide_unseen(&mut disparity_px);
-        for (u, (depth, disparity)) in row.iter_mut().zip(disparity_px).enumerate() {
-            let steps = ((disparity + errors_px.even_at(u, v)) / stereo.disparity_step_px).round();
-            let measured = disparity > 0.0 && steps > 0.0;
-            *depth = if measured { depth_times_disparity / (steps * stereo.disparity_step_px) } else { 0.0 };
+    /// The same sensor behind another lens, or with its image scaled: all that it has in pixels stays as wide in angle.
+    #[must_use]
+    pub fn through(self, focal_px: f32) -> Self {
+        let scale = focal_px / self.focal_px;
+        Self {
+            focal_px,
+            subpixel_std_px: self.subpixel_std_px * scale,
+            smooth_cell_px: self.smooth_cell_px.map(|cell_px| (cell_px * scale).max(1.0)),
+            disparity_step_px: self.disparity_step_px * scale,
+            edges: self.edges.scaled(scale),
+            loss: self.loss.scaled(scale),
+            ..self
         }
     }
 }
 
-/// Sets to 0 the disparities in a row of pixels that the right imager does not see; 0 means no depth.
+pub(super) fn add_stereo_noise(image: &mut DepthImage, stereo: &StereoNoise, stream: &mut Stream) {
+    // Rounded up, so that the smallest image has a lattice point.
+    let points = |pixels: usize, cell_px: f32| (pixels as f32 / cell_px).ceil() as usize;
+    let [along_px, down_px] = stereo.smooth_cell_px;
+    let counts = [points(image.width_px, along_px), points(image.height_px, down_px)];
+    let errors_px = Lattice::draw(image, counts, stereo.subpixel_std_px, stream);
+    let depth_times_disparity = stereo.focal_px * stereo.baseline_m;
+    let disparity = |depth: &f32| if *depth > 0.0 { depth_times_disparity / depth } else { 0.0 };
+    let real_px: Vec<f32> = image.depth_m.iter().map(disparity).collect();
+    let mut seen_px = real_px.clone();
+    for row in seen_px.chunks_exact_mut(image.width_px.max(1)) {
+        let [right, left] = stereo.seen_from_m.map(|offset_m| offset_m / stereo.baseline_m);
+        hide_unseen(row.iter_mut(), right, stereo.has_band);
+        hide_unseen(row.iter_mut().rev(), left, false);
+    }
+    move_edges(image, &stereo.edges, &real_px, &mut seen_px, stream);
+    lose(image, &stereo.loss, stereo.focal_px, &real_px, &mut seen_px, stream);
+    for ((depth, disparity), error_px) in image.depth_m.iter_mut().zip(seen_px).zip(errors_px.even()) {
+        let measured = rounded(disparity + error_px, stereo.disparity_step_px);
+        let is_measured = disparity > 0.0 && measured > 0.0;
+        *depth = rounded(if is_measured { depth_times_disparity / measured } else { 0.0 }, stereo.depth_step_m);
+    }
+}
+
+/// The nearest multiple of a step; 0 for none.
+pub(super) fn rounded(value: f32, step: f32) -> f32 {
+    if step > 0.0 { (value / step).round() * step } else { value }
+}
+
+/// Sets to 0 the disparities in a row of pixels that another imager does not see; 0 means no depth. It stands to the
+/// right, `share` of the baseline away; for one to the left the row is reversed. At 0 it is where the camera is.
 ///
-/// Pixel u with disparity d is at u − d in the right image. A pixel is hidden if a nearer one is there, too, within
+/// Pixel u with disparity d is at u − d in the other image. A pixel is hidden if a nearer one is there, too, within
 /// half a pixel. That nearer pixel is further right in this image, so a scan to the left only needs to know how far
-/// left the right image is covered. Pixels visible out of order, beyond an object narrower than the difference of
-/// disparities, count as hidden, so a slanted face has no gaps where its pixels are more than one apart in the right
+/// left the other image is covered. Pixels visible out of order, beyond an object narrower than the difference of
+/// disparities, count as hidden, so a slanted face has no gaps where its pixels are more than one apart in the other
 /// image.
-fn hide_unseen(disparity_px: &mut [f32]) {
+fn hide_unseen<'a>(
+    disparity_px: impl ExactSizeIterator<Item = &'a mut f32> + DoubleEndedIterator,
+    share: f32,
+    has_band: bool,
+) {
+    if share <= 0.0 {
+        return;
+    }
     let mut covered_from = f32::INFINITY;
-    for (u, disparity) in disparity_px.iter_mut().enumerate().rev() {
+    for (u, disparity) in disparity_px.enumerate().rev() {
         if *disparity > 0.0 {
-            let right_u = u as f32 - *disparity;
-            let seen = right_u >= -0.5 && right_u + 0.5 < covered_from;
-            covered_from = covered_from.min(right_u);
+            let other_u = u as f32 - *disparity * share;
+            let seen = (other_u >= -0.5 || !has_band) && other_u + 0.5 < covered_from;
+            covered_from = covered_from.min(other_u);
             if !seen {
                 *disparity = 0.0;
             }
@@ -218,6 +248,46 @@ mod tests {
         assert_eq!(holes(15), (0..20).chain(68..80).collect::<Vec<usize>>());
     }
 
+    /// What must see a surface stands 50 mm to the right and 25 mm to the left of a Kinect's image. At 525 px, a
+    /// difference of 12 / 26.25 of 1/z is 12 px for the one and 6 px for the other; and there is no band.
+    #[test]
+    fn what_stands_on_both_sides_casts_shadows_to_both() {
+        let stereo = StereoNoise {
+            subpixel_std_px: 0.0,
+            disparity_step_px: 0.0,
+            edges: EdgeNoise::NONE,
+            loss: Loss::NONE,
+            ..StereoNoise::KINECT
+        };
+        for (scale, [left_px, right_px]) in [(1.0, [12, 6]), (2.0, [24, 12])] {
+            let mut image = flat_image(200, 3, 1.0);
+            for (pixel, depth) in image.depth_m.iter_mut().enumerate() {
+                if (80..120).contains(&(pixel % 200)) {
+                    *depth = 1.0 / (1.0 + 12.0 / 26.25);
+                }
+            }
+            let spoiled = spoil(image, stereo.through(525.0 * scale), 0);
+            let holes: Vec<usize> = (0..200).filter(|u| spoiled.at([*u, 1]).is_none()).collect();
+            assert_eq!(holes, (80 - left_px..80).chain(120..120 + right_px).collect::<Vec<usize>>());
+        }
+    }
+
+    /// Behind a lens of half the focal length, what is in pixels halves, and a wall's error in metres stays.
+    #[test]
+    fn another_lens_leaves_the_errors_in_metres() {
+        let plain = StereoNoise { edges: EdgeNoise::NONE, loss: Loss::NONE, ..StereoNoise::D435_REAL };
+        let deviation = |stereo: StereoNoise| {
+            let walls = (0..4).map(|scene| spoil(flat_image(640, 480, 0.8), stereo, scene));
+            let errors: Vec<f64> = walls.flat_map(|wall| independent_pixels(&wall)).collect();
+            moments(&errors).1.sqrt()
+        };
+        let expected_m = 0.8 * 0.8 * 0.26 / (927.0 * 0.05);
+        for focal_px in [927.0, 463.5] {
+            let found_m = deviation(plain.through(focal_px));
+            assert!((found_m / expected_m - 1.0).abs() < 0.05, "{found_m} m for {expected_m} m at {focal_px} px");
+        }
+    }
+
     /// Comparison with all pairs of pixels: a pixel is hidden by a nearer one that is at the same place in the right
     /// image, or that has changed order with it. Disparities are eighths of a pixel, so that ties are exact.
     #[test]
@@ -233,7 +303,7 @@ mod tests {
                 row.push(disparity);
             }
             let mut swept = row.clone();
-            hide_unseen(&mut swept);
+            hide_unseen(swept.iter_mut(), 1.0, true);
             for (u, disparity) in row.iter().enumerate() {
                 let right_u = u as f32 - disparity;
                 let hidden = row.iter().enumerate().any(|(other, nearer)| {
@@ -296,6 +366,25 @@ mod tests {
             let seen = u >= 27 && ![40, 45, 50, 55].contains(&u);
             assert!(if seen { (depth - 1.0).abs() < 0.05 } else { *depth == 0.0 }, "{depth} m at {u}");
         }
+    }
+
+    /// Datasets have these bytes: a slanted wall with a box before it and a hole, through [`StereoNoise::D435`].
+    #[test]
+    fn a_d435_keeps_its_bytes() {
+        let mut image = flat_image(160, 120, 0.0);
+        for (pixel, depth) in image.depth_m.iter_mut().enumerate() {
+            let (u, v) = (pixel % 160, pixel / 160);
+            *depth = match (u, v) {
+                (90..130, 30..80) => 0.45,
+                (140..150, 90..100) => 0.0,
+                _ => 0.6 + 0.002 * v as f32,
+            };
+        }
+        let spoiled = spoil(image, StereoNoise::D435, 5);
+        let digest = spoiled.depth_m.iter().fold(0xcbf2_9ce4_8422_2325_u64, |digest, depth| {
+            (digest ^ u64::from(depth.to_bits())).wrapping_mul(0x0100_0000_01b3)
+        });
+        assert_eq!(digest, 3_366_835_714_722_621_606);
     }
 
     #[test]
