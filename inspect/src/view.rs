@@ -19,6 +19,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     let attempts = rows.attempts.len();
     let mut view = View::new(format!("Scene {}: {objects}, {held} of {attempts} attempts held", scene.scene_id));
     view.bodies.push(Body::table(grid.size_m, grid.table_z_m));
+    view.bodies.extend(Body::of_container(scene, grid));
     view.bodies.extend(rows.objects.iter().flat_map(|object| Body::of_object(Class::Object, object)));
     view.lines.push(Line::workspace(Lattice::from(*grid).corners_m()));
     // The lens by which the TSDF was made, VGN's where the config does not say.
@@ -73,6 +74,9 @@ fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows
     view.fact("shard", info.shard_of(scene.scene_id).unwrap_or_default().to_string());
     view.fact("objects", format!("{} of {} dropped", scene.object_count, scene.dropped_count));
     view.fact("at rest after", format!("{:.2} s", scene.settle_time_s));
+    if let Some(container) = scene.container {
+        view.fact("container", container.kind.name());
+    }
     view.fact("views", scene.views.len().to_string());
     view.fact("attempts that held", format!("{held} of {}", scene.attempt_count));
     for outcome in Outcome::ALL.into_iter().filter(|outcome| *outcome != Outcome::Held) {

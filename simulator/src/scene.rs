@@ -1,6 +1,6 @@
 //! A scene at rest.
 
-use schema::{ObjectRecord, ObjectShape, Pose, Vec3};
+use schema::{ObjectRecord, ObjectShape, Polyhedron, Pose, Vec3};
 
 use crate::Body;
 
@@ -22,18 +22,21 @@ pub struct SceneObject {
 pub struct Scene {
     /// Height of the table's top, in metres.
     pub table_z_m: f32,
+    /// What stands on the table and never moves, such as the walls of a bin: convex parts in the workspace, with the
+    /// friction of the table. They may be touched and seen, and are never a target.
+    pub fixtures: Vec<Polyhedron>,
     /// The objects.
     pub objects: Vec<SceneObject>,
 }
 
 impl Scene {
-    /// The scene that a dataset's rows describe, so that stored attempts can be executed again. `bodies` are those of
-    /// the dataset's models, in their order ([`crate::bodies_of`]).
+    /// The scene that a dataset's rows describe, so that stored attempts can be executed again. `fixtures` are the
+    /// parts of its container, `bodies` those of the dataset's models, in their order ([`crate::bodies_of`]).
     ///
     /// # Panics
     /// If a row names a model without a body.
     #[must_use]
-    pub fn from_records(table_z_m: f32, records: &[ObjectRecord], bodies: &[Body]) -> Self {
+    pub fn from_records(table_z_m: f32, fixtures: Vec<Polyhedron>, records: &[ObjectRecord], bodies: &[Body]) -> Self {
         let body = |shape: &ObjectShape| match shape {
             ObjectShape::Solid(solid) => (*solid).into(),
             ObjectShape::Model { number, .. } => bodies[usize::from(*number)].clone(),
@@ -47,7 +50,7 @@ impl Scene {
                 workspace_from_object: r.workspace_from_object,
             })
             .collect();
-        Self { table_z_m, objects }
+        Self { table_z_m, fixtures, objects }
     }
 
     /// The object whose surface is nearest to a point of the workspace, or that contains it: the target of a hand with
