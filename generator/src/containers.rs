@@ -198,6 +198,26 @@ mod tests {
         assert!(kinds.iter().all(|count| *count > 0) && hits > 20, "{kinds:?} {hits}");
     }
 
+    /// Without the limit more than half would.
+    #[test]
+    fn few_proposals_close_on_a_wall() {
+        let config = config(BIN).unwrap();
+        let (mut all, mut on_walls) = (0, 0);
+        for scene_id in 0..12 {
+            let rows = make_scene(&config, scene_id, 60).unwrap();
+            if rows.scene.container.is_none_or(|container| container.kind != ContainerKind::Bin) {
+                continue;
+            }
+            let scene =
+                Scene::from_records(config.grid.table_z_m, rows.scene.fixtures(&config.grid), &rows.objects, &[]);
+            for attempt in rows.attempts.iter().filter(|a| a.rule.approach == schema::Approach::Proposal) {
+                let closing_m = attempt.workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -0.01));
+                (all, on_walls) = (all + 1, on_walls + usize::from(scene.is_at_fixture(closing_m)));
+            }
+        }
+        assert!(all > 60 && on_walls > 0 && on_walls * 5 <= all * 2, "{on_walls} of {all}");
+    }
+
     #[test]
     fn walls_keep_their_place_in_the_order_of_decision() {
         let config = config(BIN).unwrap();

@@ -53,14 +53,26 @@ impl Scene {
         Self { table_z_m, fixtures, objects }
     }
 
+    /// Whether a fixture is nearer to a point of the workspace than any object.
+    #[must_use]
+    pub fn is_at_fixture(&self, point_m: Vec3) -> bool {
+        let outside_m = |fixture: &Polyhedron| {
+            fixture.planes().map(|plane| plane.normal.dot(point_m) - plane.offset_m).fold(f32::NEG_INFINITY, f32::max)
+        };
+        let nearest = self.nearest(point_m).map_or(f32::INFINITY, |id| self.distance_outside_m(id, point_m));
+        self.fixtures.iter().any(|fixture| outside_m(fixture) < nearest)
+    }
+
+    fn distance_outside_m(&self, object_id: usize, point_m: Vec3) -> f32 {
+        let object = &self.objects[object_id];
+        object.body.distance_outside_m(object.workspace_from_object.inverse_transform_point(point_m))
+    }
+
     /// The object whose surface is nearest to a point of the workspace, or that contains it: the target of a hand with
     /// its tips there. `None` without objects.
     #[must_use]
     pub fn nearest(&self, point_m: Vec3) -> Option<usize> {
-        let outside_m = |object: &SceneObject| {
-            object.body.distance_outside_m(object.workspace_from_object.inverse_transform_point(point_m))
-        };
-        let distances = self.objects.iter().map(outside_m).enumerate();
-        distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, _)| number)
+        let distances = (0..self.objects.len()).map(|id| (id, self.distance_outside_m(id, point_m)));
+        distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(id, _)| id)
     }
 }
