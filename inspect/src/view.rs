@@ -127,6 +127,20 @@ mod tests {
     }
 
     #[test]
+    fn a_scene_s_container_stands_where_its_row_says() {
+        let (info, mut rows) = sample();
+        let sizes = [0.26, 0.2, 0.1, 0.004, 0.1];
+        rows.scene.container = Some(schema::Container::of_sizes(schema::ContainerKind::Bin, sizes));
+        let view = scene_view(&info, "", &rows);
+        let walls: Vec<&Body> = view.bodies.iter().filter(|body| body.class == Class::Container).collect();
+        assert_eq!(walls.len(), 4);
+        assert!(walls[0].label.starts_with("bin\n260 × 200 mm inside, walls 100 mm high"), "{}", walls[0].label);
+        // The wall at -x ends at 0.15 - 0.13 - 0.004.
+        let low = walls[0].corners_m.iter().map(|corner| corner[0]).fold(f32::INFINITY, f32::min);
+        assert!((low - 0.016).abs() < 1e-6, "{low}");
+    }
+
+    #[test]
     fn every_attempt_is_a_fork_of_its_outcome_and_width() {
         let (info, rows) = sample();
         let view = scene_view(&info, "", &rows);
