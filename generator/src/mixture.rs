@@ -24,8 +24,8 @@ const TURN_RAD_MAX: f32 = FRAC_PI_6;
 /// How far before the tips, along the approach, a proposed gripper closes.
 const CLOSING_M: f32 = 0.01;
 
-/// Of what is seen of a bin most is wall, and hands that close on it teach little by their number: so many times as many
-/// hands are proposed as are wanted …
+/// Of what is seen of a bin most is wall, and hands that close on it teach little by their number: so many times as
+/// many hands are proposed as are wanted …
 const SPARES: usize = 4;
 /// … and at most this part of the wanted ones, one in so many, close on a wall.
 const ON_WALLS_PART: usize = 5;
@@ -112,8 +112,8 @@ impl Observed<'_> {
         if self.scene.fixtures.is_empty() { 1 } else { SPARES }
     }
 
-    /// Up to `count` proposed grasps, each of the object that is nearest to where the fingers close. Few of them close on
-    /// a wall of the container.
+    /// Up to `count` proposed grasps, each of the object that is nearest to where the fingers close. Few of them close
+    /// on a wall of the container.
     fn candidates(&self, approach: Approach, count: usize, grasps: impl Iterator<Item = Pose>) -> Vec<Candidate> {
         let closing_m = |grasp: &Pose| grasp.transform_point(Vec3::new(0.0, 0.0, -CLOSING_M));
         let mut on_walls = 0;
