@@ -42,6 +42,7 @@ COLOURS = {
     "contact": (240, 228, 66),
     "surface": (0, 114, 178),
     "table": (200, 204, 208),
+    "container": (160, 164, 168, 90),
 }
 RADII_M = {"contact": 0.002, "surface": 0.0012}
 LEVELS = {"phase": "INFO", "note": "DEBUG", "held": "INFO", "failed": "WARN"}

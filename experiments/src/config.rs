@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use generator::{Overrides, PackedParams};
+use generator::{ContainerParams, Overrides, PackedParams, container_faults};
 use perception::{DepthNoise, NoiseKind, camera_at};
 use planner::config::JudgeParams;
 use planner::{BuiltIn, Planner};
@@ -139,6 +139,8 @@ settings! {
         pub model: String,
         /// Which objects, and how they come to lie.
         pub objects: ObjectKeys,
+        /// What the objects lie in, as in a generator's config, in place of the scene's.
+        pub container: Option<Vec<ContainerParams>>; or None,
         /// Where the cameras stand.
         pub views: Views,
         /// What is wrong with their depths.
@@ -264,6 +266,13 @@ impl Config {
         let file = |name: &str, built_in: &str| (name != built_in).then(|| document.folder().join(name));
         let mut scene = generator::Config::load(file(&keys.scene, "paper").as_deref(), Overrides::default())?;
         scene.grid = scene.grid.over(keys.table_size_m);
+        if let Some(container) = &keys.container {
+            scene.container.clone_from(container);
+        }
+        let faults = container_faults(&scene.container, &scene.grid);
+        if !faults.is_empty() {
+            return Err(document.invalid(faults.iter().map(|fault| format!("container: {fault}")).collect()));
+        }
         let plan_path = match BuiltIn::from_name(&keys.plan) {
             Some(named) => PathBuf::from(named.name()),
             None => document.folder().join(&keys.plan),

@@ -85,7 +85,7 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Fai
             continue;
         }
         (look, tried) = (look + 1, 0);
-        match rest_again(&config.scene, &left) {
+        match rest_again(&config.scene, &scene, &left) {
             Ok(settled) => scene = settled.scene,
             Err(_) => break Ending::Unsettled,
         }
@@ -98,15 +98,15 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Fai
 /// The scene after an attempt, at rest. Hulls of many faces, such as a duck's, can tremble on the table indefinitely,
 /// by some centimetres per second without moving away. If the settling criterion is not reached, slow objects count as
 /// resting.
-fn rest_again(config: &generator::Config, left: &[SceneObject]) -> Result<Settled, Unsettled> {
+fn rest_again(config: &generator::Config, before: &Scene, left: &[SceneObject]) -> Result<Settled, Unsettled> {
     let generator::Config { physics, settle, grid, .. } = config;
-    settle_again(physics, settle, grid, left).or_else(|_| {
+    settle_again(physics, settle, grid, &before.fixtures, left).or_else(|_| {
         let params = SettleParams {
             linear_speed_m_s_max: TREMBLING_M_S.max(settle.linear_speed_m_s_max),
             angular_speed_rad_s_max: TREMBLING_RAD_S.max(settle.angular_speed_rad_s_max),
             ..*settle
         };
-        settle_again(physics, &params, grid, left)
+        settle_again(physics, &params, grid, &before.fixtures, left)
     })
 }
 

@@ -1,6 +1,6 @@
 //! The start of a round: objects are drawn, released and come to rest.
 
-use generator::{draw_drops, draw_packed, draw_release};
+use generator::{draw_container, draw_drops, draw_packed, draw_release, room_m};
 use schema::{Polyhedron, Purpose, Stream, Vec3};
 use simulator::{Scene, SceneObject, Settled, Unsettled, settle, settle_again};
 
@@ -45,14 +45,19 @@ pub fn start(config: &Config, seed: u64, scene_id: u64) -> Option<Start> {
 
 fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Settled, Unsettled> {
     let generator::Config { physics, settle: params, grid, objects, .. } = &config.scene;
+    let container = draw_container(&config.scene.container, seed, scene_id);
+    let fixtures = container.map_or_else(Vec::new, |container| container.parts(grid));
+    let room = (grid, room_m(container.as_ref(), grid));
     match &config.objects {
         Objects::Pile { count } => {
             let objects = generator::ObjectParams { counts: vec![*count], count_weights: vec![1.0], ..objects.clone() };
-            settle(physics, params, grid, &draw_drops(&objects, grid, f32::INFINITY, seed, scene_id, tries))
+            settle(physics, params, grid, &fixtures, &draw_drops(&objects, room, f32::INFINITY, seed, scene_id, tries))
         }
         Objects::Packed { count, params: packed } => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
-            settle_again(physics, params, grid, &draw_packed(objects, packed, grid, f32::INFINITY, *count, &mut stream))
+            let within = (grid, container.as_ref());
+            let placed = draw_packed(objects, packed, within, f32::INFINITY, *count, &mut stream);
+            settle_again(physics, params, grid, &fixtures, &placed)
         }
         Objects::Things(groups) => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
@@ -61,11 +66,11 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
                 body: thing.body.clone(),
                 mass_kg: thing.mass_kg,
                 friction: thing.friction,
-                workspace_from_object: draw_release(objects, grid, thing.body.bounding_radius_m(), &mut stream),
+                workspace_from_object: draw_release(objects, room, thing.body.bounding_radius_m(), &mut stream),
             };
             let mut drops: Vec<SceneObject> = things.iter().map(release).collect();
             stream.shuffle(&mut drops);
-            settle(physics, params, grid, &drops)
+            settle(physics, params, grid, &fixtures, &drops)
         }
     }
 }

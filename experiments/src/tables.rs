@@ -121,7 +121,7 @@ pub fn bodies(config: &Config) -> String {
 #[must_use]
 pub fn conditions(config: &Config) -> String {
     let scene = config.scene.dataset_info();
-    let conditions = json!({
+    let mut conditions = json!({
         "protocol": config.keys.protocol,
         "seeds": config.keys.seeds,
         "size_m": scene.grid.size_m,
@@ -130,5 +130,8 @@ pub fn conditions(config: &Config) -> String {
         "procedure": scene.procedure,
         "physics": scene.config["physics"],
     });
+    if !config.scene.container.is_empty() {
+        conditions["container"] = json!(config.scene.container);
+    }
     format!("{conditions:#}\n")
 }

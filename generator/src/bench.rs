@@ -171,7 +171,12 @@ fn compare(config: &Config, attempts: u64) -> Result<Comparison, Failure> {
 
 fn execute(config: &Config, physics: &Physics, rows: &SceneRows) -> (Vec<Outcome>, Duration) {
     let began = Instant::now();
-    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, config.objects.catalogue.bodies());
+    let scene = Scene::from_records(
+        config.grid.table_z_m,
+        rows.scene.fixtures(&config.grid),
+        &rows.objects,
+        config.objects.catalogue.bodies(),
+    );
     let world = AttemptWorld::new(physics, config.gripper.of_scene(rows.scene.scene_id), &config.procedure, &scene);
     let attempts = rows.attempts.iter();
     let outcomes = attempts.map(|a| world.execute(&a.workspace_from_grasp, a.object_id as usize).outcome).collect();

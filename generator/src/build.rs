@@ -6,13 +6,14 @@ use std::time::{Duration, Instant};
 
 use perception::{Sensor, SensorParams, Tsdf, camera_at, draw_kind};
 use schema::{
-    AttemptRecord, Intrinsics, ObjectRecord, Outcome, Purpose, SceneRecord, SceneRejections, SceneRows, Shape, Stream,
-    View, VoxelGrid,
+    AttemptRecord, Container, Intrinsics, ObjectRecord, Outcome, Purpose, SceneRecord, SceneRejections, SceneRows,
+    Shape, Stream, View, VoxelGrid,
 };
 use simulator::{AttemptWorld, Execution, Scene, SceneObject, SceneRays, Settled, Unsettled, settle, settle_again};
 
 use crate::candidates::Candidate;
 use crate::config::Config;
+use crate::containers::{draw_container, in_front, room_m};
 use crate::mixture::{Observed, Source, displaced, sources};
 use crate::objects::draw_drops;
 use crate::packed::draw_packed;
@@ -91,15 +92,18 @@ pub fn make_scene_timed(
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(NoScene::Abandoned { scene_id }),
     };
+    let container = draw_container(&config.container, config.seed, scene_id);
     let (settled, dropped_count, rejections) =
-        settled_scene(config, scene_id, &mut |moving| ended(Stage::Rejected { moving }))?;
+        settled_scene(config, scene_id, container.as_ref(), &mut |moving| ended(Stage::Rejected { moving }))?;
     ended(Stage::Settle)?;
 
     let objects = object_records(config, scene_id, &settled.scene);
     // The attempts run on the rows, as they are stored.
-    let scene = Scene::from_records(config.grid.table_z_m, &objects, config.objects.catalogue.bodies());
+    let scene =
+        Scene::from_records(config.grid.table_z_m, settled.scene.fixtures, &objects, config.objects.catalogue.bodies());
     let mut views_stream = Stream::new(config.seed, scene_id, Purpose::Views, 0);
     let views = draw_kind(&config.views, &config.view_kinds, &config.grid, &mut views_stream);
+    let views = in_front(container.as_ref(), views);
     let rays = SceneRays::new(&scene);
     let tsdf = observe(config, scene_id, &rays, &views);
     ended(Stage::Observe { views: views.len() })?;
@@ -139,6 +143,7 @@ pub fn make_scene_timed(
         rejections,
         views,
         tsdf: tsdf.values,
+        container,
     };
     Ok(SceneRows { scene, objects, attempts })
 }
@@ -147,20 +152,24 @@ pub fn make_scene_timed(
 fn settled_scene(
     config: &Config,
     scene_id: u64,
+    container: Option<&Container>,
     on_rejected: &mut dyn FnMut(Option<Shape>) -> Result<(), NoScene>,
 ) -> Result<(Settled, u32, SceneRejections), NoScene> {
     let mut rejections = SceneRejections::default();
     let Config { objects, grid, seed, physics, settle: params, .. } = config;
     let span_m = span_m(config, scene_id);
+    let (room_m, fixtures) = (room_m(container, grid), container.map_or_else(Vec::new, |it| it.parts(grid)));
     for attempt in 0..params.tries_max {
-        let (drops, settled) = match packed_scene(config, span_m, scene_id, attempt) {
+        let (drops, settled) = match packed_scene(config, container, span_m, scene_id, attempt) {
+            // In a low shelf there may be a place for none.
+            Some(placed) if placed.is_empty() => (placed, Err(Unsettled::Empty)),
             Some(placed) => {
-                let settled = settle_again(physics, params, grid, &placed);
+                let settled = settle_again(physics, params, grid, &fixtures, &placed);
                 (placed, settled)
             }
             None => {
-                let drops = draw_drops(objects, grid, span_m, *seed, scene_id, attempt);
-                let settled = settle(physics, params, grid, &drops);
+                let drops = draw_drops(objects, (grid, room_m), span_m, *seed, scene_id, attempt);
+                let settled = settle(physics, params, grid, &fixtures, &drops);
                 (drops, settled)
             }
         };
@@ -186,13 +195,19 @@ fn span_m(config: &Config, scene_id: u64) -> f32 {
 }
 
 /// The objects of a scene that is packed, if it is one of those.
-fn packed_scene(config: &Config, span_m: f32, scene_id: u64, attempt: u32) -> Option<Vec<SceneObject>> {
+fn packed_scene(
+    config: &Config,
+    container: Option<&Container>,
+    span_m: f32,
+    scene_id: u64,
+    attempt: u32,
+) -> Option<Vec<SceneObject>> {
     let (packed, objects) = (config.packed.as_ref()?, &config.objects);
     // Whether a scene is packed does not depend on the tries.
     let is_packed = Stream::new(config.seed, scene_id, Purpose::Packed, 0).uniform(0.0, 1.0) < packed.share;
     let mut stream = Stream::new(config.seed, scene_id, Purpose::Packed, 1 + attempt);
     let count = *stream.weighted(&objects.counts, &objects.count_weights);
-    is_packed.then(|| draw_packed(objects, packed, &config.grid, span_m, count, &mut stream))
+    is_packed.then(|| draw_packed(objects, packed, (&config.grid, container), span_m, count, &mut stream))
 }
 
 /// The TSDF of a scene from its views.

@@ -8,6 +8,7 @@ use serde::Serialize;
 use settings::{Document, Reader, settings, words};
 use toml::Value;
 
+use crate::containers::{ContainerParams, container_faults};
 use crate::models::Models;
 use crate::policy::Policy;
 
@@ -150,6 +151,8 @@ settings! {
         pub spanned_share: f32 where 0.0..=1.0; or 0.0,
         /// Which scenes are packed instead.
         pub packed: Option<PackedParams>; or None,
+        /// What the objects lie in: kinds of containers, each with its share of the scenes; the others have none.
+        pub container: Vec<ContainerParams>; or Vec::new(),
         /// When it rests.
         pub settle: SettleParams,
         /// Where the cameras stand.
@@ -283,6 +286,9 @@ impl Config {
             });
             let problem = || "is there for primitives only, not for a catalogue".to_owned();
             reader.must("packed", objects.catalogue.is_empty(), problem);
+        }
+        for fault in container_faults(&self.container, grid) {
+            reader.within("container", |reader| reader.report(fault));
         }
         self.catalogue_fits(reader);
     }

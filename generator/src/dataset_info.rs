@@ -71,6 +71,9 @@ impl Config {
         if !self.view_kinds.is_empty() {
             stored["view_kinds"] = json!(self.view_kinds);
         }
+        if !self.container.is_empty() {
+            stored["container"] = json!(self.container);
+        }
         if let Some(sensor) = &self.sensor {
             stored["sensor"] = json!(sensor);
         }

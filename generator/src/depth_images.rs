@@ -35,7 +35,8 @@ pub fn write_depth_images(
         None => rows.scene.views.clone(),
         Some(count) => around(count, info.grid.size_m),
     };
-    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(info)?);
+    let scene =
+        Scene::from_records(info.grid.table_z_m, rows.scene.fixtures(&info.grid), &rows.objects, &bodies_of(info)?);
     let rays = SceneRays::new(&scene);
     fs::create_dir_all(folder).context(format_args!("failed to write {}", folder.display()))?;
     let mut text = head(dataset, scene_id, &lens);

@@ -10,6 +10,7 @@ mod build;
 mod candidates;
 pub mod catalogue;
 mod config;
+mod containers;
 mod dataset_info;
 mod depth_images;
 #[cfg(any(test, fuzzing))]
@@ -35,6 +36,7 @@ pub use bench::{BenchReport, Comparison, Cost, bench};
 pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ObjectParams, Overrides, PackedParams, Sampler};
+pub use containers::{ContainerParams, container_faults, draw_container, room_m};
 pub use dataset_info::{bodies_of, physics_of};
 pub use depth_images::write_depth_images;
 pub use household::{HouseholdParams, Kind, Split, household};

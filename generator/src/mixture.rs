@@ -24,6 +24,12 @@ const TURN_RAD_MAX: f32 = FRAC_PI_6;
 /// How far before the tips, along the approach, a proposed gripper closes.
 const CLOSING_M: f32 = 0.01;
 
+/// Of what is seen of a bin most is wall, and hands that close on it teach little by their number: so many times as
+/// many hands are proposed as are wanted …
+const SPARES: usize = 4;
+/// … and at most this part of the wanted ones, one in so many, close on a wall.
+const ON_WALLS_PART: usize = 5;
+
 /// Number of proposals among which a judge chooses.
 const JUDGED_OF: usize = 256;
 /// Of grasps whose tips are nearer to each other than this, a judge chooses only the best.
@@ -87,28 +93,42 @@ impl Observed<'_> {
             Source::Normals => draw_along_normals(config, (scene, objects), rays, views, count, stream),
             Source::Proposals => {
                 let sampler = CandidateSampler::new(gripper, config.procedure.pregrasp_distance_m);
-                let grasps = sampler.sample(tsdf, count, &mut own_stream(0));
-                self.candidates(Approach::Proposal, grasps.iter().map(|grasp| grasp.workspace_from_grasp))
+                let grasps = sampler.sample(tsdf, count * self.spares(), &mut own_stream(0));
+                self.candidates(Approach::Proposal, count, grasps.iter().map(|grasp| grasp.workspace_from_grasp))
             }
             Source::Judged => {
                 let judge = config.policy.as_ref().and_then(|policy| policy.judge(gripper, &config.grid).ok());
                 let seen =
                     ObservedScene { field: tsdf, fine: None, views: views.len(), reach_m: tsdf.lattice.corners_m() };
-                let best = judge.map_or_else(Vec::new, |judge| best(&judge, seen, count, &mut own_stream(2)));
-                self.candidates(Approach::Judged, best.iter().map(|scored| scored.grasp.workspace_from_grasp))
+                let most = count * self.spares();
+                let best = judge.map_or_else(Vec::new, |judge| best(&judge, seen, most, &mut own_stream(2)));
+                self.candidates(Approach::Judged, count, best.iter().map(|scored| scored.grasp.workspace_from_grasp))
             }
         }
     }
 
-    /// Proposed grasps, each of the object that is nearest to where the fingers close.
-    fn candidates(&self, approach: Approach, grasps: impl Iterator<Item = Pose>) -> Vec<Candidate> {
+    /// How many times as many hands are proposed as are wanted: among walls most close on those.
+    fn spares(&self) -> usize {
+        if self.scene.fixtures.is_empty() { 1 } else { SPARES }
+    }
+
+    /// Up to `count` proposed grasps, each of the object that is nearest to where the fingers close. Few of them close
+    /// on a wall of the container.
+    fn candidates(&self, approach: Approach, count: usize, grasps: impl Iterator<Item = Pose>) -> Vec<Candidate> {
+        let closing_m = |grasp: &Pose| grasp.transform_point(Vec3::new(0.0, 0.0, -CLOSING_M));
+        let mut on_walls = 0;
+        let will_do = |grasp: &Pose| {
+            let is_on_wall = self.scene.is_at_fixture(closing_m(grasp));
+            on_walls += usize::from(is_on_wall);
+            !is_on_wall || on_walls <= count / ON_WALLS_PART
+        };
         let candidate = |workspace_from_grasp: Pose| {
-            let closing_m = workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -CLOSING_M));
+            let closing_m = closing_m(&workspace_from_grasp);
             let object_id = self.scene.nearest(closing_m).unwrap_or(0);
             let rule = Rule { shape: self.objects[object_id].shape.shape(), approach };
             Candidate::undrawn(rule, object_id, workspace_from_grasp)
         };
-        grasps.map(candidate).collect()
+        grasps.filter(will_do).take(count).map(candidate).collect()
     }
 }
 

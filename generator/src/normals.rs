@@ -215,7 +215,8 @@ mod tests {
         let mut stream = Stream::new(4, 0, Purpose::Candidates, 0);
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.08)).unwrap();
         let objects = [record(solid, Vec3::ZERO, Quat::IDENTITY)];
-        let targets: Vec<Target> = Scene::from_records(0.0, &objects, &[]).objects.iter().map(Target::of).collect();
+        let targets: Vec<Target> =
+            Scene::from_records(0.0, Vec::new(), &objects, &[]).objects.iter().map(Target::of).collect();
         let touches: Vec<Touch> = (0..40_000).filter_map(|_| draw_touch(&targets, &mut stream)).collect();
         let area = 2.0 * (0.03 * 0.05 + 0.05 * 0.08 + 0.08 * 0.03);
         for (axis, face) in [(Vec3::X, 0.05 * 0.08), (Vec3::Y, 0.08 * 0.03), (Vec3::Z, 0.03 * 0.05)] {
@@ -275,7 +276,7 @@ mod tests {
             record(solid, Vec3::new(0.12, 0.15, 0.085), Quat::IDENTITY),
             record(solid, Vec3::new(0.2, 0.15, 0.075), axis_angle(Vec3::Y, core::f32::consts::FRAC_PI_2)),
         ];
-        let scene = Scene::from_records(config.grid.table_z_m, &objects, &[]);
+        let scene = Scene::from_records(config.grid.table_z_m, Vec::new(), &objects, &[]);
         let rays = SceneRays::new(&scene);
         // From the side of small x, so that faces towards large x are hidden.
         let views = [View { radius_m: 0.6, polar_rad: 1.0, azimuth_rad: core::f32::consts::PI }];

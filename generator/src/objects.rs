@@ -9,11 +9,12 @@ use crate::config::ObjectParams;
 const DRAWS_MAX: usize = 1_000;
 
 /// Draws the objects of a scene and the pose at which each is released. A hand that spans `span_m` can grasp each in
-/// any pose, if there are such objects. `attempt` counts the tries at this scene, from 0.
+/// any pose, if there are such objects. They are released over a rectangle with sides `room_m`. `attempt` counts the
+/// tries at this scene, from 0.
 #[must_use]
 pub fn draw_drops(
     params: &ObjectParams,
-    grid: &Grid,
+    (grid, room_m): (&Grid, [f32; 2]),
     span_m: f32,
     seed: u64,
     scene_id: u64,
@@ -26,7 +27,7 @@ pub fn draw_drops(
         .map(|_| {
             let drawn = draw_spanned(span_m, || draw_body(params, &mut objects), |(body, ..)| middle_width_m(body));
             let (body, mass_kg, friction) = drawn;
-            let workspace_from_object = draw_release(params, grid, body.bounding_radius_m(), &mut drops);
+            let workspace_from_object = draw_release(params, (grid, room_m), body.bounding_radius_m(), &mut drops);
             SceneObject { body, mass_kg, friction, workspace_from_object }
         })
         .collect()
@@ -82,15 +83,20 @@ fn draw_solid(params: &ObjectParams, stream: &mut Stream) -> Solid {
     Solid::new(kind, extents_m).expect("the config's sizes are above 0")
 }
 
-/// A uniform position over the workspace at which the object's bounding ball clears the walls, in a uniform
-/// orientation.
+/// A uniform position over a rectangle with sides `room_m` in the middle of the workspace, at which the object's
+/// bounding ball clears the walls, in a uniform orientation.
 #[must_use]
-pub fn draw_release(params: &ObjectParams, grid: &Grid, radius_m: f32, stream: &mut Stream) -> Pose {
+pub fn draw_release(
+    params: &ObjectParams,
+    (grid, room_m): (&Grid, [f32; 2]),
+    radius_m: f32,
+    stream: &mut Stream,
+) -> Pose {
     let middle = 0.5 * grid.size_m;
-    let reach = (middle - radius_m).max(0.0);
+    let [reach_x, reach_y] = room_m.map(|side_m| (0.5 * side_m - radius_m).max(0.0));
     let at = Vec3::new(
-        middle + stream.uniform(-reach, reach),
-        middle + stream.uniform(-reach, reach),
+        middle + stream.uniform(-reach_x, reach_x),
+        middle + stream.uniform(-reach_y, reach_y),
         grid.table_z_m + params.drop_height_m,
     );
     Pose::from_parts(at, stream.rotation())

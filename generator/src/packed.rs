@@ -4,7 +4,7 @@
 //! another position, up to [`TRIES_MAX`] times. (VGN draws another object at each try, which favours small ones, and
 //! stops after twelve tries in all, so some of its scenes have too few objects.)
 
-use schema::{Grid, Pose, Quat, ShapeKind, Solid, Stream, Vec3, axis_angle};
+use schema::{Container, Grid, Pose, Quat, ShapeKind, Solid, Stream, Vec3, axis_angle};
 use simulator::SceneObject;
 
 use crate::config::{ObjectParams, PackedParams};
@@ -18,13 +18,13 @@ const TRIES_MAX: u32 = 1_000;
 /// Objects have their centres at least this far inside the workspace: as in VGN, in [0.08, 0.22] m of 0.30 m.
 const MARGIN_M: f32 = 0.08;
 
-/// Draws `count` objects of a packed scene and their positions; fewer if some found none in many tries. A hand that
-/// spans `span_m` can grasp each, if there are such objects.
+/// Draws `count` objects of a packed scene and their positions within the container, if there is one; fewer if some
+/// found none in many tries. A hand that spans `span_m` can grasp each, if there are such objects.
 #[must_use]
 pub fn draw_packed(
     objects: &ObjectParams,
     params: &PackedParams,
-    grid: &Grid,
+    (grid, container): (&Grid, Option<&Container>),
     span_m: f32,
     count: usize,
     stream: &mut Stream,
@@ -36,7 +36,9 @@ pub fn draw_packed(
         let solid = draw_spanned(span_m, draw, |solid| middle_width_m(&(*solid).into()));
         let density_kg_m3 = stream.uniform(objects.density_kg_m3[0], objects.density_kg_m3[1]);
         let friction = stream.uniform(objects.friction[0], objects.friction[1]);
-        if let Some((workspace_from_object, footprint)) = find_place(params.gap_m, grid, &solid, &taken, stream) {
+        if let Some((workspace_from_object, footprint)) =
+            find_place(params.gap_m, (grid, container), &solid, &taken, stream)
+        {
             let mass_kg = density_kg_m3 * solid.volume_m3();
             placed.push(SceneObject { body: solid.into(), mass_kg, friction, workspace_from_object });
             taken.push(footprint);
@@ -62,19 +64,24 @@ fn draw_solid(objects: &ObjectParams, params: &PackedParams, stream: &mut Stream
 /// The first of at most [`TRIES_MAX`] positions at which the object hits nothing.
 fn find_place(
     gap_m: f32,
-    grid: &Grid,
+    (grid, container): (&Grid, Option<&Container>),
     solid: &Solid,
     taken: &[Footprint],
     stream: &mut Stream,
 ) -> Option<(Pose, Footprint)> {
     let stance = Stance::of(solid);
+    let whole = [Vec3::ZERO, Vec3::new(grid.size_m, grid.size_m, f32::INFINITY)];
+    let free_m = container.map_or(whole, |container| container.free_m(grid));
     let z_m = grid.table_z_m + DROP_M + 0.5 * stance.height_m;
     let [low, high] = [MARGIN_M, grid.size_m - MARGIN_M];
+    if z_m + 0.5 * stance.height_m > free_m[1].z {
+        return None;
+    }
     (0..TRIES_MAX).find_map(|_| {
         let at = Vec3::new(stream.uniform(low, high), stream.uniform(low, high), z_m);
         let yaw = axis_angle(Vec3::Z, stream.uniform(0.0, core::f32::consts::TAU));
         let footprint = stance.footprint(at, yaw);
-        let is_free = footprint.is_inside(grid) && taken.iter().all(|other| footprint.is_apart(other, gap_m));
+        let is_free = footprint.is_inside(free_m) && taken.iter().all(|other| footprint.is_apart(other, gap_m));
         is_free.then(|| (Pose::from_parts(at, yaw * stance.upright_from_object), footprint))
     })
 }
@@ -129,10 +136,10 @@ impl Footprint {
         })
     }
 
-    fn is_inside(&self, grid: &Grid) -> bool {
-        [Vec3::X, Vec3::Y].into_iter().all(|axis| {
+    fn is_inside(&self, [least_m, most_m]: [Vec3; 2]) -> bool {
+        [Vec3::X, Vec3::Y].into_iter().zip([0, 1]).all(|(axis, number)| {
             let (middle, reach) = (self.centre_m.dot(axis), self.reach_m(axis));
-            middle - reach >= 0.0 && middle + reach <= grid.size_m
+            middle - reach >= least_m[number] && middle + reach <= most_m[number]
         })
     }
 }
@@ -148,7 +155,7 @@ mod tests {
 
     fn drawn(params: &PackedParams, stream: &mut Stream) -> Vec<SceneObject> {
         let config = Config::load(None, Overrides::default()).unwrap();
-        draw_packed(&config.objects, params, &Grid::PAPER, f32::INFINITY, 5, stream)
+        draw_packed(&config.objects, params, (&Grid::PAPER, None), f32::INFINITY, 5, stream)
     }
 
     fn scene(number: u64) -> Vec<SceneObject> {

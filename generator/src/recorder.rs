@@ -116,7 +116,7 @@ impl<'a> Recorder<'a> {
     fn is_of_interest(&self, body: ContactBody) -> bool {
         match body {
             ContactBody::Object(id) => id == self.stored.object_id as usize,
-            ContactBody::Table => false,
+            ContactBody::Table | ContactBody::Container => false,
             ContactBody::LeftFinger | ContactBody::RightFinger | ContactBody::Palm => true,
         }
     }
@@ -192,6 +192,7 @@ fn describe_event(event: &AttemptEvent) -> String {
         AttemptEvent::Pushed { object_id, moved_m } => {
             format!("closing pushed object {object_id} by {}, more than the limit", mm(*moved_m))
         }
+        AttemptEvent::NearContainer => "the hand came too close to the container".to_owned(),
         AttemptEvent::NearTable => "a finger ended too close to the table".to_owned(),
         AttemptEvent::RidesAlong { rest_m } => format!(
             "the target moves with the hand, everything else rests and the way is free: the lift ends {} early",
@@ -236,6 +237,7 @@ fn describe_contact(contact: &Contact) -> String {
         ContactBody::Palm => "palm".to_owned(),
         ContactBody::Object(id) => format!("object {id}"),
         ContactBody::Table => "table".to_owned(),
+        ContactBody::Container => "container".to_owned(),
     });
     format!("{a} and {b}: {:.2} N", contact.force_n)
 }

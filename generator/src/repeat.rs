@@ -74,7 +74,7 @@ fn repeat_scene(
     is_same: fn(&AttemptRecord, &Execution) -> bool,
 ) -> Repeated {
     let (info, attempts) = (dataset.info(), &rows.attempts);
-    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, bodies);
+    let scene = Scene::from_records(info.grid.table_z_m, rows.scene.fixtures(&info.grid), &rows.objects, bodies);
     let world = AttemptWorld::new(physics, info.hand_of(rows.scene.scene_id), &info.procedure, &scene);
     let again = |row: &AttemptRecord| {
         let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);

@@ -116,7 +116,8 @@ fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Repla
         Failure::new(ExitCode::Config, text)
     };
     let stored = rows.attempts.get(id.attempt_id as usize).ok_or_else(no_such)?.clone();
-    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(info)?);
+    let scene =
+        Scene::from_records(info.grid.table_z_m, rows.scene.fixtures(&info.grid), &rows.objects, &bodies_of(info)?);
     let gripper = info.hand_of(id.scene_id);
     let world = AttemptWorld::new(&physics, gripper, &info.procedure, &scene);
     let (grasp, target) = (stored.workspace_from_grasp, stored.object_id as usize);
@@ -134,6 +135,7 @@ fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Repla
     view.title = format!("{}/{}: {}", id.scene_id, id.attempt_id, describe_end(&now));
     // Table and objects first, as in the scene's view: there they need not be told again.
     view.bodies.push(Body::table(info.grid.size_m, info.grid.table_z_m));
+    view.bodies.extend(Body::of_container(&rows.scene, &info.grid));
     view.bodies.extend(objects(rows, &stored, &now, &shots));
     view.bodies.extend(hand(gripper, &shots));
     if let Some(obstruction) = &obstruction {

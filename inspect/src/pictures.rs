@@ -54,6 +54,7 @@ pub fn scene_svg(info: &DatasetInfo, rows: &SceneRows, attempts: &[AttemptRecord
         size_m: info.grid.size_m,
         table_z_m: info.grid.table_z_m,
         bodies: rows.objects.iter().flat_map(bodies).collect(),
+        fixtures: rows.scene.fixtures(&info.grid),
         hands: attempts.iter().map(hand).collect(),
     })
 }

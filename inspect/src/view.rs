@@ -19,6 +19,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     let attempts = rows.attempts.len();
     let mut view = View::new(format!("Scene {}: {objects}, {held} of {attempts} attempts held", scene.scene_id));
     view.bodies.push(Body::table(grid.size_m, grid.table_z_m));
+    view.bodies.extend(Body::of_container(scene, grid));
     view.bodies.extend(rows.objects.iter().flat_map(|object| Body::of_object(Class::Object, object)));
     view.lines.push(Line::workspace(Lattice::from(*grid).corners_m()));
     // The lens by which the TSDF was made, VGN's where the config does not say.
@@ -73,6 +74,9 @@ fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows
     view.fact("shard", info.shard_of(scene.scene_id).unwrap_or_default().to_string());
     view.fact("objects", format!("{} of {} dropped", scene.object_count, scene.dropped_count));
     view.fact("at rest after", format!("{:.2} s", scene.settle_time_s));
+    if let Some(container) = scene.container {
+        view.fact("container", container.kind.name());
+    }
     view.fact("views", scene.views.len().to_string());
     view.fact("attempts that held", format!("{held} of {}", scene.attempt_count));
     for outcome in Outcome::ALL.into_iter().filter(|outcome| *outcome != Outcome::Held) {
@@ -120,6 +124,20 @@ mod tests {
         let held = rows.attempts.iter().filter(|attempt| attempt.outcome == Outcome::Held).count();
         let (objects, attempts) = (rows.objects.len(), rows.attempts.len());
         assert_eq!(view.title, format!("Scene 1: {objects} objects, {held} of {attempts} attempts held"));
+    }
+
+    #[test]
+    fn a_scene_s_container_stands_where_its_row_says() {
+        let (info, mut rows) = sample();
+        let sizes = [0.26, 0.2, 0.1, 0.004, 0.1];
+        rows.scene.container = Some(schema::Container::of_sizes(schema::ContainerKind::Bin, sizes));
+        let view = scene_view(&info, "", &rows);
+        let walls: Vec<&Body> = view.bodies.iter().filter(|body| body.class == Class::Container).collect();
+        assert_eq!(walls.len(), 4);
+        assert!(walls[0].label.starts_with("bin\n260 × 200 mm inside, walls 100 mm high"), "{}", walls[0].label);
+        // The wall at -x ends at 0.15 - 0.13 - 0.004.
+        let low = walls[0].corners_m.iter().map(|corner| corner[0]).fold(f32::INFINITY, f32::min);
+        assert!((low - 0.016).abs() < 1e-6, "{low}");
     }
 
     #[test]

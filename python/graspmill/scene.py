@@ -183,7 +183,7 @@ def _is_closed(triangles: NDArray[Any]) -> bool:
 
 
 class Scene(Immutable):
-    """Objects on a table.
+    """Objects on a table. A scene of a dataset has its container, too, which stays where it is.
 
     Args:
         objects: The objects at their poses; :meth:`settle` lets them come to rest.
@@ -225,7 +225,10 @@ class Scene(Immutable):
     def _again(cls, objects: list[Object], table_z_m: float, stored: tuple[_native.Dataset, int] | None) -> Scene:
         """What pickle makes: the simulation of a stored scene is read from its dataset."""
         made = cls(objects, table_z_m=table_z_m)
-        return made if stored is None else cls._of(stored)[0]._with(made._native)
+        if stored is None:
+            return made
+        whole = cls._of(stored)[0]
+        return whole._with(made._native.among(whole._native))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Scene._again, (self.objects, self.table_z_m, self._stored)

@@ -151,7 +151,12 @@ impl Dataset {
     /// A scene: its objects at rest, the simulation of its attempts, and its rows as arrays.
     fn scene<'py>(&self, py: Python<'py>, scene_id: u64) -> PyResult<(Scene, Simulation, Bound<'py, PyDict>)> {
         let (rows_, info) = (self.scene_rows(py, scene_id)?, self.dataset.info());
-        let scene = simulator::Scene::from_records(info.grid.table_z_m, &rows_.objects, self.bodies()?);
+        let scene = simulator::Scene::from_records(
+            info.grid.table_z_m,
+            rows_.scene.fixtures(&info.grid),
+            &rows_.objects,
+            self.bodies()?,
+        );
         let simulation = Simulation {
             gripper: info.hand_of(scene_id).clone(),
             physics: physics_of(&info.config).map_err(|failure| raised(&failure))?,

@@ -277,19 +277,19 @@ impl Scene {
             friction,
             workspace_from_object: at,
         };
-        Self { scene: simulator::Scene { table_z_m, objects: given.map(object).collect() } }
+        Self { scene: simulator::Scene { table_z_m, fixtures: Vec::new(), objects: given.map(object).collect() } }
     }
 
     /// The scene at rest: objects dropped one by one into a box about the workspace, or let go where they are.
     fn settle(&self, py: Python<'_>, simulation: &Simulation, drop: bool) -> PyResult<Self> {
         let Simulation { physics, settle: params, grid, .. } = simulation;
         let grid = Grid { table_z_m: self.scene.table_z_m, ..*grid };
-        let objects = &self.scene.objects;
+        let simulator::Scene { objects, fixtures, .. } = &self.scene;
         let rest = || {
             let settled = if drop {
-                settle(physics, params, &grid, objects)
+                settle(physics, params, &grid, fixtures, objects)
             } else {
-                settle_again(physics, params, &grid, objects)
+                settle_again(physics, params, &grid, fixtures, objects)
             };
             settled.map_err(|unsettled| {
                 let text = match unsettled {
@@ -308,6 +308,11 @@ impl Scene {
         };
         let Settled { scene, .. } = free(py, rest)?;
         Ok(Self { scene })
+    }
+
+    /// The scene in the container of another.
+    fn among(&self, other: &Self) -> Self {
+        Self { scene: simulator::Scene { fixtures: other.scene.fixtures.clone(), ..self.scene.clone() } }
     }
 
     /// The number of objects.

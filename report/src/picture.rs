@@ -34,6 +34,8 @@ pub struct Scene {
     pub table_z_m: f32,
     /// The bodies; the number selects the colour.
     pub bodies: Vec<(Polyhedron, usize)>,
+    /// What the bodies lie in, drawn as edges.
+    pub fixtures: Vec<Polyhedron>,
     /// Hands.
     pub hands: Vec<Hand>,
 }
@@ -71,6 +73,10 @@ pub fn svg(scene: &Scene) -> String {
     let table = [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]].map(|[x, y]| Vec3::new(x, y, scene.table_z_m));
     let _ = write!(text, "<polygon class=\"ground\" points=\"{}\"/>", points(&eye, table.iter().copied()));
     paint(&mut text, &eye, scene.bodies.iter().map(|(body, tint)| (body, *tint)).collect());
+    for (part, face) in scene.fixtures.iter().flat_map(|part| part.faces().iter().map(move |face| (part, face))) {
+        let corners = points(&eye, face.ring.iter().map(|corner| part.corners_m()[*corner]));
+        let _ = write!(text, "<polygon class=\"face\" fill=\"none\" points=\"{corners}\"/>");
+    }
     let mut hands: Vec<&Hand> = scene.hands.iter().collect();
     hands.sort_by_key(|hand| hand.outcome); // held grasps on top, collisions below
     let is_crowded = hands.len() > CROWD;
@@ -172,6 +178,7 @@ mod tests {
             size_m: 0.3,
             table_z_m: 0.05,
             bodies: vec![(block().moved(&at), 0)],
+            fixtures: Vec::new(),
             hands: vec![hand(Outcome::Held), hand(Outcome::Slipped), hand(Outcome::PregraspCollision)],
         };
         let svg = svg(&scene);

@@ -117,6 +117,8 @@ pub struct Fact {
 pub enum Class {
     /// The table's top.
     Table,
+    /// What the objects lie in.
+    Container,
     /// The workspace.
     Workspace,
     /// An object.

@@ -43,6 +43,7 @@
     surface: { name: "surface as seen (TSDF)", rgb: () => BLUE },
     camera: { name: "cameras", rgb: grey },
     workspace: { name: "workspace", rgb: grey },
+    container: { name: "container", rgb: grey, a: 0.35 },
     table: { name: "table", rgb: () => (isDark.matches ? [58, 66, 74] : [232, 235, 238]) },
   };
   const style = (item) => STYLES[item.class] ?? { name: item.class, rgb: grey };

@@ -198,8 +198,14 @@ impl HandBox {
     /// length.
     #[must_use]
     pub fn swept_back(&self, distance_m: f32) -> Self {
-        let shift = Vec3::new(0.0, 0.0, 0.5 * distance_m);
-        Self { centre_m: self.centre_m - shift, half_m: self.half_m + shift }
+        self.swept(Vec3::new(0.0, 0.0, -distance_m))
+    }
+
+    /// The box lengthened by a way along one of its axes: everything that it passes.
+    #[must_use]
+    pub fn swept(&self, way_m: Vec3) -> Self {
+        let half_m = 0.5 * way_m;
+        Self { centre_m: self.centre_m + half_m, half_m: self.half_m + half_m.abs() }
     }
 
     /// Height of its lowest corner in the workspace.

@@ -27,6 +27,7 @@
 //! ```
 
 mod camera;
+mod container;
 mod generation;
 mod grasp;
 mod grid;
@@ -46,6 +47,7 @@ mod seed;
 mod solid;
 
 pub use camera::{Camera, DepthImage, Intrinsics, View};
+pub use container::{Container, ContainerError, ContainerKind};
 pub use generation::{CameraParams, Engine, Physics, SettleParams, TsdfParams, ViewParams};
 pub use grasp::Grasp;
 pub use grid::{Grid, GridError, Lattice, VoxelGrid};

@@ -16,7 +16,8 @@ words! {
         Empty = "empty",
         /// The object was lost while lifting or holding.
         Slipped = "slipped",
-        /// While closing or lifting, the hand or what it holds drove another object or the table.
+        /// While closing or lifting, the hand or what it holds drove another object, or ran into the table or the
+        /// container.
         HitOther = "hit_other",
         /// The object moved with the hand and is still between both fingers.
         Held = "held",
@@ -32,7 +33,9 @@ impl Outcome {
             Self::ApproachCollision => "the hand touches something on its straight way",
             Self::Empty => "the fingers met on nothing",
             Self::Slipped => "the object stayed behind, or fell",
-            Self::HitOther => "another object, or the table, was pushed or lifted by more than is allowed",
+            Self::HitOther => {
+                "another object was pushed or lifted by more than is allowed, or the table or a wall was touched"
+            }
             Self::Held => "lifted, and still between the fingers",
         }
     }
@@ -55,5 +58,7 @@ words! {
         Other = "other",
         /// The table.
         Table = "table",
+        /// The container in which the objects lie.
+        Container = "container",
     }
 }

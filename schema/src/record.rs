@@ -1,6 +1,6 @@
 //! The rows of a dataset: scenes, objects, attempts.
 
-use crate::{Axis, HitKind, ObjectShape, Outcome, Pose, Rule, View};
+use crate::{Axis, Container, Grid, HitKind, ObjectShape, Outcome, Polyhedron, Pose, Rule, View};
 
 /// Scenes that were built and thrown away before this one came to rest, by reason.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -32,6 +32,19 @@ pub struct SceneRecord {
     pub views: Vec<View>,
     /// The TSDF in VGN's value convention ([`crate::VoxelGrid`]); flat, x slowest, z fastest; resolution³ values.
     pub tsdf: Vec<f32>,
+    /// What the objects lie in, if not on the bare table.
+    pub container: Option<Container>,
+}
+
+impl SceneRecord {
+    /// What never moves but the table: the parts of the container, in the workspace of a dataset with this grid.
+    ///
+    /// # Panics
+    /// If [`Container::check`] refuses the container.
+    #[must_use]
+    pub fn fixtures(&self, grid: &Grid) -> Vec<Polyhedron> {
+        self.container.map_or_else(Vec::new, |container| container.parts(grid))
+    }
 }
 
 /// A row of the `objects` table.

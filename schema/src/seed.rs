@@ -54,6 +54,8 @@ pub enum Purpose {
     TestDrops = 19,
     /// Which scenes have only objects that the hand can span.
     Spanned = 20,
+    /// What the objects of a scene lie in.
+    Container = 21,
 }
 
 /// A reproducible stream of random numbers.

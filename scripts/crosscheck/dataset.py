@@ -72,6 +72,8 @@ def _read_info(folder: Path) -> dict:
         info = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise DamagedDataset(f"{path}: {error}") from error
+    if isinstance(info, dict) and isinstance(info.get("config"), dict) and "container" in info["config"]:
+        raise NoDataset(f"{path}: its scenes have containers, whose walls this program does not build in other engines")
     version = info.get("format_version") if isinstance(info, dict) else None
     if version not in FORMAT_VERSIONS:
         raise DamagedDataset(f"{path}: format version {version}, this program reads {FORMAT_VERSIONS[0]} to {FORMAT_VERSIONS[-1]}")

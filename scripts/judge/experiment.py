@@ -49,6 +49,8 @@ def read(folder: Path, round_count: int | None) -> Experiment:
     if missing:
         raise NoExperiment(f"{folder} holds no experiment whose grasps can be executed again: {', '.join(missing)} missing")
     run = _json(folder / RUN)
+    if "container" in run:
+        raise NoExperiment(f"{folder / RUN}: its scenes have containers, whose walls this program does not build in other engines")
     try:
         physics = run["physics"]
         environment = Environment(

@@ -30,7 +30,7 @@ fn drops(count: usize) -> Vec<SceneObject> {
 }
 
 fn settled(count: usize) -> Scene {
-    settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &drops(count))
+    settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], &drops(count))
         .expect("the pile comes to rest")
         .scene
 }

@@ -6,20 +6,23 @@
 //! 4. The outcome is the first that applies: `pregrasp_collision`, `approach_collision`, `empty`, `slipped`,
 //!    `hit_other`, `held`.
 
-use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Vec3};
+use schema::{Engine, Gripper, HandBox, Outcome, Physics, Polyhedron, Pose, Procedure, Vec3};
 
 use crate::Scene;
 use crate::bodies::{AttemptEngine, RapierAttempt};
 use crate::engine::EngineBody;
 use crate::gate::{Gate, Hit};
 use crate::shortcuts::{FreeClosing, LiftWatch};
-use crate::stepper::{Stepper, Thing};
+use crate::stepper::{Stepper, Things};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
 
 /// Fingers slower than this stand still …
 const STOPPED_SPEED_M_S: f32 = 0.002;
 /// … if they have for this long.
 const STOPPED_TIME_S: f32 = 0.025;
+
+/// A retreating hand is held against fixtures this often on its way.
+const WAY_STEP_M: f32 = 0.002;
 
 /// How an execution ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,10 +47,10 @@ pub struct AttemptWorld<'a> {
     objects: Objects,
 }
 
-/// The objects as the engine wants them.
+/// Objects and fixtures as the engine wants them.
 enum Objects {
-    Stepper(Vec<Thing>),
-    Rapier(Vec<(EngineBody, Pose)>),
+    Stepper(Things),
+    Rapier(Vec<(EngineBody, Pose)>, Vec<Polyhedron>),
 }
 
 impl<'a> AttemptWorld<'a> {
@@ -55,10 +58,13 @@ impl<'a> AttemptWorld<'a> {
     /// attempts.
     #[must_use]
     pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
-        let objects = scene.objects.iter();
+        let Scene { objects, fixtures, .. } = scene;
         let objects = match physics.engine {
-            Engine::Stepper => Objects::Stepper(objects.map(Thing::of).collect()),
-            Engine::Rapier => Objects::Rapier(objects.map(|o| (EngineBody::of(o), o.workspace_from_object)).collect()),
+            Engine::Stepper => Objects::Stepper(Things::of(objects, fixtures)),
+            Engine::Rapier => Objects::Rapier(
+                objects.iter().map(|o| (EngineBody::of(o), o.workspace_from_object)).collect(),
+                fixtures.clone(),
+            ),
         };
         let gate = Gate::new(scene, gripper, procedure);
         Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, objects }
@@ -164,12 +170,14 @@ impl<'a> AttemptWorld<'a> {
         let (physics, gripper, table_z_m) = (self.physics, self.gripper, self.table_z_m);
         match &self.objects {
             Objects::Stepper(things) => {
+                let (fingers, most_m) = (gripper.fingers(gripper.opening_m_max), 0.5 * gripper.opening_m_max);
+                let closed_m = (closed_m, self.gate.free_closing_m(workspace_from_grasp, &fingers, most_m));
                 Box::new(Stepper::new(physics, gripper, things, table_z_m, workspace_from_grasp, closed_m, all_awake))
             }
-            Objects::Rapier(bodies) => Box::new(RapierAttempt::new(
+            Objects::Rapier(bodies, fixtures) => Box::new(RapierAttempt::new(
                 physics,
                 gripper,
-                bodies,
+                (bodies, fixtures),
                 table_z_m,
                 workspace_from_grasp,
                 closed_m,
@@ -197,7 +205,7 @@ pub(crate) struct Run<'a> {
     steps: usize,
     /// Up, in the world.
     up: Vec3,
-    workspace_from_grasp: Pose,
+    pub(crate) workspace_from_grasp: Pose,
     pub(crate) target: usize,
     phase: Phase,
     lift: Option<Lift>,
@@ -260,7 +268,7 @@ impl<'a> Run<'a> {
         let width_m = self.width_m();
         let hit = match pushed {
             Some(hit) => Some(hit),
-            None => self.raised(&before),
+            None => self.raised(&before).or_else(|| self.lifted_into_fixture()),
         };
         match hit {
             Some(hit) => self.ended(Outcome::HitOther, Some(hit), width_m),
@@ -404,8 +412,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// What the closing hand drove: another object, or the table, if a finger ended
-    /// within half the clearance of it (the gate has kept the open hand a whole clearance away).
+    /// What the closing hand drove: another object; or a fixture or the table, if a finger came within half the
+    /// clearance of it (the gate has kept the open hand a whole clearance away).
     fn pushed(&mut self, before: &[Vec3], after: &[Vec3]) -> Option<Hit> {
         let limit = self.setup.procedure.other_push_m_max;
         let moved_m = |id: usize| (after[id] - before[id]).length();
@@ -414,16 +422,43 @@ impl<'a> Run<'a> {
             self.tell(AttemptEvent::Pushed { object_id, moved_m: moved_m(object_id) });
             return Some(Hit::object(object_id, self.target));
         }
-        let closed = self.engine.closed_m();
+        let near_m = 0.5 * self.setup.gripper.clearance_m;
         let fingers = self.setup.gripper.fingers(self.setup.gripper.opening_m_max);
-        let low = fingers.iter().zip(closed).zip([1.0, -1.0]).any(|((finger, closed_m), inward)| {
-            let moved = schema::HandBox { centre_m: finger.centre_m + Vec3::Y * (inward * closed_m), ..*finger };
-            moved.lowest_z_m(&self.workspace_from_grasp) < self.setup.table_z_m + 0.5 * self.setup.gripper.clearance_m
-        });
+        let ways_m = fingers.iter().zip(self.engine.closed_m()).zip([1.0, -1.0]);
+        let ways_m = ways_m.map(|((finger, closed_m), inward)| (finger, Vec3::Y * (inward * closed_m)));
+        let swept: Vec<HandBox> = ways_m.clone().map(|(finger, way_m)| finger.swept(way_m).grown(near_m)).collect();
+        if self.setup.gate.touches_fixtures(&self.workspace_from_grasp, &swept) {
+            self.tell(AttemptEvent::NearContainer);
+            return Some(Hit::CONTAINER);
+        }
+        let mut closed = ways_m.map(|(finger, way_m)| HandBox { centre_m: finger.centre_m + way_m, ..*finger });
+        let low = closed.any(|b| b.lowest_z_m(&self.workspace_from_grasp) < self.setup.table_z_m + near_m);
         if low {
             self.tell(AttemptEvent::NearTable);
         }
         low.then_some(Hit::TABLE)
+    }
+
+    /// The fixture that the hand met on the whole way of its retreat, as [`Self::pushed`] has it.
+    fn lifted_into_fixture(&mut self) -> Option<Hit> {
+        let (gripper, gate) = (self.setup.gripper, &self.setup.gate);
+        let [left, right] = self.engine.closed_m();
+        let [left, right] = [left, -right].map(|way_m| Vec3::Y * way_m);
+        let closed = gripper.open_hand().into_iter().zip([left, right, Vec3::ZERO]);
+        let hand: Vec<HandBox> = closed
+            .map(|(b, way_m)| HandBox { centre_m: b.centre_m + way_m, ..b }.grown(0.5 * gripper.clearance_m))
+            .collect();
+        let (direction, way_m) = (self.retreat_direction(), self.setup.procedure.retreat_distance_m);
+        let steps = (way_m / WAY_STEP_M).ceil();
+        let hits = (0..=steps as usize).any(|step| {
+            let moved_m = direction * (way_m * step as f32 / steps);
+            let hand: Vec<HandBox> = hand.iter().map(|b| HandBox { centre_m: b.centre_m + moved_m, ..*b }).collect();
+            gate.touches_fixtures(&self.workspace_from_grasp, &hand)
+        });
+        if hits {
+            self.tell(AttemptEvent::NearContainer);
+        }
+        hits.then_some(Hit::CONTAINER)
     }
 
     /// Which other object was raised while lifting.
@@ -483,7 +518,7 @@ mod tests {
         let at = Vec3::new(0.15, 0.15, 0.08);
         let workspace_from_object = Pose::from_parts(at, Quat::IDENTITY);
         let block = SceneObject { body: solid.into(), mass_kg, friction: 1.0, workspace_from_object };
-        let scene = Scene { table_z_m: 0.05, objects: vec![block] };
+        let scene = Scene { table_z_m: 0.05, fixtures: Vec::new(), objects: vec![block] };
         let setup = AttemptWorld::new(physics, &gripper, &procedure, &scene);
         let mut run = Run::start(&setup, Pose::from_parts(at, axis_angle(Vec3::X, core::f32::consts::PI)), 0, 0, false);
         run.close();

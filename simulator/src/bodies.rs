@@ -4,7 +4,7 @@
 //! [`Stepper`](crate::stepper::Stepper) is ours and made for this; [`RapierAttempt`] is the reference.
 
 use rapier3d::prelude::{ColliderHandle, PhysicsPipeline, RigidBodyHandle};
-use schema::{Gripper, Physics, Pose, SettleParams, Vec3};
+use schema::{Gripper, Physics, Polyhedron, Pose, SettleParams, Vec3};
 
 use crate::contact::{Contact, ContactBody};
 use crate::engine::{EngineBody, World};
@@ -69,6 +69,7 @@ pub(crate) struct InRapier<T> {
     world: World,
     pipeline: PhysicsPipeline,
     bodies: Vec<RigidBodyHandle>,
+    fixtures: Vec<ColliderHandle>,
     beside: T,
 }
 
@@ -90,12 +91,12 @@ impl<T> Bodies for InRapier<T> {
 pub(crate) type RapierAttempt = InRapier<Hand>;
 
 impl RapierAttempt {
-    /// The `bodies` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose fingers have closed
-    /// by `closed_m` each. Objects are asleep until touched, unless `all_awake`.
+    /// The `bodies` at rest among `fixtures` on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose
+    /// fingers have closed by `closed_m` each. Objects are asleep until touched, unless `all_awake`.
     pub(crate) fn new(
         physics: &Physics,
         gripper: &Gripper,
-        bodies: &[(EngineBody, Pose)],
+        (bodies, fixtures): (&[(EngineBody, Pose)], &[Polyhedron]),
         table_z_m: f32,
         workspace_from_grasp: &Pose,
         closed_m: f32,
@@ -105,13 +106,15 @@ impl RapierAttempt {
         let gravity_m_s2 = grasp_from_workspace.rotation * -Vec3::Z * physics.gravity_m_s2;
         let mut world = World::new(physics, gravity_m_s2);
         world.add_table(&grasp_from_workspace, table_z_m, physics.table_friction);
+        let add_fixture = |part| world.add_fixture(&grasp_from_workspace, part, physics.table_friction);
+        let fixtures = fixtures.iter().map(add_fixture).collect();
         let add = |(engine_body, workspace_from_object): &(EngineBody, Pose)| {
             let pose = grasp_from_workspace * *workspace_from_object;
             world.add_object(engine_body, pose, all_awake)
         };
         let bodies = bodies.iter().map(add).collect();
         let hand = Hand::insert(&mut world, gripper, closed_m);
-        Self { world, pipeline: PhysicsPipeline::new(), bodies, beside: hand }
+        Self { world, pipeline: PhysicsPipeline::new(), bodies, fixtures, beside: hand }
     }
 
     fn collider(&self, object_id: usize) -> ColliderHandle {
@@ -127,6 +130,7 @@ impl RapierAttempt {
             _ if collider == left => ContactBody::LeftFinger,
             _ if collider == right => ContactBody::RightFinger,
             _ if collider == palm => ContactBody::Palm,
+            _ if self.fixtures.contains(&collider) => ContactBody::Container,
             _ => ContactBody::Table,
         }
     }
@@ -183,12 +187,20 @@ const WALL_THICKNESS_M: f32 = 0.1;
 const WALL_HEIGHT_M: f32 = 0.4;
 
 impl<'a> RapierPile<'a> {
-    /// A table at `table_z_m` for the `objects`, of which none is there yet.
-    pub(crate) fn new(physics: &Physics, params: &'a SettleParams, objects: Vec<EngineBody>, table_z_m: f32) -> Self {
+    /// A table at `table_z_m` with `fixtures` for the `objects`, of which none is there yet.
+    pub(crate) fn new(
+        physics: &Physics,
+        params: &'a SettleParams,
+        objects: Vec<EngineBody>,
+        fixtures: &[Polyhedron],
+        table_z_m: f32,
+    ) -> Self {
         let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
         world.add_table(&Pose::IDENTITY, table_z_m, physics.table_friction);
+        let add_fixture = |part| world.add_fixture(&Pose::IDENTITY, part, physics.table_friction);
+        let fixtures = fixtures.iter().map(add_fixture).collect();
         let beside = PileSetup { physics: *physics, params, table_z_m, objects, walls: Vec::new() };
-        Self { world, pipeline: PhysicsPipeline::new(), bodies: Vec::new(), beside }
+        Self { world, pipeline: PhysicsPipeline::new(), bodies: Vec::new(), fixtures, beside }
     }
 }
 

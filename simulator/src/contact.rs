@@ -15,6 +15,8 @@ pub enum ContactBody {
     Object(usize),
     /// The table.
     Table,
+    /// A fixture of the scene.
+    Container,
 }
 
 /// Two bodies that press on each other.

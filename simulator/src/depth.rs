@@ -13,7 +13,7 @@ use crate::Scene;
 #[derive(Debug, Clone)]
 pub struct SceneRays {
     table_z_m: f32,
-    /// The parts of all objects, in the workspace.
+    /// The fixtures and the parts of all objects, in the workspace.
     parts: Vec<Polyhedron>,
 }
 
@@ -25,7 +25,8 @@ impl SceneRays {
             let pose = object.workspace_from_object;
             object.body.polyhedra().into_iter().map(move |part| part.moved(&pose))
         });
-        Self { table_z_m: scene.table_z_m, parts: parts.collect() }
+        let parts = scene.fixtures.iter().cloned().chain(parts).collect();
+        Self { table_z_m: scene.table_z_m, parts }
     }
 
     /// The rays of one camera.
@@ -200,7 +201,7 @@ mod tests {
                 }
             })
             .collect();
-        Scene { table_z_m: 0.05, objects }
+        Scene { table_z_m: 0.05, fixtures: Vec::new(), objects }
     }
 
     fn triangles_of(solid: &Solid) -> TriMesh {

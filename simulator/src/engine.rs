@@ -5,7 +5,7 @@
 //! PyBullet over gripped objects: see [`Physics::FAITHFUL`].
 
 use rapier3d::prelude::*;
-use schema::{Mat3, Physics, Pose, SettleParams};
+use schema::{Mat3, Physics, Polyhedron, Pose, SettleParams};
 
 use crate::SceneObject;
 use crate::body::{Body, Compound, PartShape};
@@ -155,6 +155,17 @@ impl World {
         let half = half_m * UNITS_PER_M;
         let collider = ColliderBuilder::cuboid(half.x, half.y, half.z).position(in_units(pose));
         self.colliders.insert(surface(collider, friction))
+    }
+
+    /// Adds a convex part of the workspace that never moves.
+    pub(crate) fn add_fixture(
+        &mut self,
+        world_from_workspace: &Pose,
+        fixture: &Polyhedron,
+        friction: f32,
+    ) -> ColliderHandle {
+        let shape = shape_of_hull(fixture, UNITS_PER_M);
+        self.colliders.insert(surface(ColliderBuilder::new(shape).position(in_units(*world_from_workspace)), friction))
     }
 
     /// Adds a free object. One that is not awake stands still until something touches it.

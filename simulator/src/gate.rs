@@ -9,7 +9,7 @@ use schema::{Gripper, HandBox, HitKind, Outcome, Pose, Procedure, Vec3};
 use crate::tested_part::{PlacedPart, TestedPart};
 use crate::{Scene, SceneObject};
 
-/// What was hit first: the target, then another object, then the table.
+/// What was hit first: the target, then another object, then the container, then the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Hit {
     /// What it was.
@@ -21,6 +21,9 @@ pub struct Hit {
 impl Hit {
     /// The table.
     pub(crate) const TABLE: Self = Self { kind: HitKind::Table, object_id: None };
+
+    /// A fixture of the scene.
+    pub(crate) const CONTAINER: Self = Self { kind: HitKind::Container, object_id: None };
 
     /// An object, the target or another.
     pub(crate) fn object(object_id: usize, target: usize) -> Self {
@@ -35,6 +38,8 @@ pub struct Gate {
     table_z_m: f32,
     /// The parts of each object, in its frame, and where it is.
     obstacles: Vec<(Vec<TestedPart>, Pose)>,
+    /// The scene's fixtures, in the workspace.
+    fixtures: Vec<TestedPart>,
     pregrasp: [HandBox; 3],
     approach: [HandBox; 3],
 }
@@ -45,11 +50,12 @@ impl Gate {
     pub fn new(scene: &Scene, gripper: &Gripper, procedure: &Procedure) -> Self {
         let hulls = |o: &SceneObject| o.body.polyhedra().iter().map(TestedPart::new).collect();
         let obstacles = scene.objects.iter().map(|o| (hulls(o), o.workspace_from_object)).collect();
+        let fixtures = scene.fixtures.iter().map(TestedPart::new).collect();
         let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
         let hand = gripper.open_hand();
         let pregrasp = hand.map(|b| HandBox { centre_m: b.centre_m - back, ..b }.grown(gripper.clearance_m));
         let approach = hand.map(|b| b.swept_back(procedure.pregrasp_distance_m).grown(gripper.clearance_m));
-        Self { table_z_m: scene.table_z_m, obstacles, pregrasp, approach }
+        Self { table_z_m: scene.table_z_m, obstacles, fixtures, pregrasp, approach }
     }
 
     /// The collision that keeps the hand from the grasp, if there is one.
@@ -97,20 +103,54 @@ impl Gate {
         self.obstacles.iter().flat_map(in_grasp).collect()
     }
 
+    /// The fixtures in the frame of a grasp.
+    pub(crate) fn placed_fixtures(&self, workspace_from_grasp: &Pose) -> Vec<PlacedPart> {
+        placed(&self.fixtures, &workspace_from_grasp.inverse())
+    }
+
+    /// Whether any of `boxes`, in the frame of a grasp, overlaps a fixture.
+    pub(crate) fn touches_fixtures(&self, workspace_from_grasp: &Pose, boxes: &[HandBox]) -> bool {
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        self.fixtures.iter().any(|hull| touches(hull, &grasp_from_workspace, boxes))
+    }
+
+    /// How far each finger of an open hand at a grasp can close before it meets a fixture, at most `most_m`, in metres,
+    /// to a thousandth of that.
+    pub(crate) fn free_closing_m(&self, workspace_from_grasp: &Pose, fingers: &[HandBox; 2], most_m: f32) -> [f32; 2] {
+        let free = |finger: &HandBox, inward: f32, way_m: f32| {
+            !self.touches_fixtures(workspace_from_grasp, &[finger.swept(Vec3::Y * (inward * way_m))])
+        };
+        core::array::from_fn(|side| {
+            let (finger, inward) = (&fingers[side], [1.0, -1.0][side]);
+            if free(finger, inward, most_m) {
+                return most_m;
+            }
+            let (mut low_m, mut high_m) = (0.0, most_m);
+            for _ in 0..10 {
+                let middle_m = 0.5 * (low_m + high_m);
+                *if free(finger, inward, middle_m) { &mut low_m } else { &mut high_m } = middle_m;
+            }
+            low_m
+        })
+    }
+
     /// The parts of an object somewhere else.
     pub(crate) fn placed_at(&self, object_id: usize, pose: &Pose) -> Vec<PlacedPart> {
         placed(&self.obstacles[object_id].0, pose)
     }
 
-    /// The parts of an object, in the frame of a grasp, that any of `boxes` overlaps.
+    /// The parts of an object, or the fixtures, in the frame of a grasp, that any of `boxes` overlaps.
     pub(crate) fn overlapped(
         &self,
-        object_id: usize,
+        object_id: Option<usize>,
         workspace_from_grasp: &Pose,
         boxes: &[HandBox],
     ) -> Vec<PlacedPart> {
-        let (hulls, workspace_from_object) = &self.obstacles[object_id];
-        let grasp_from_object = workspace_from_grasp.inverse() * *workspace_from_object;
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        let (hulls, grasp_from_object) = match object_id {
+            Some(id) => (&self.obstacles[id].0, grasp_from_workspace * self.obstacles[id].1),
+            None => (&self.fixtures, grasp_from_workspace),
+        };
         let touched = hulls.iter().filter(|hull| touches(hull, &grasp_from_object, boxes));
         touched.map(|hull| hull.placed(&grasp_from_object)).collect()
     }
@@ -125,6 +165,9 @@ impl Gate {
         let others = (0..self.obstacles.len()).filter(|id| *id != target);
         if let Some(id) = core::iter::once(target).chain(others).find(touches) {
             return Some(Hit::object(id, target));
+        }
+        if self.touches_fixtures(workspace_from_grasp, boxes) {
+            return Some(Hit::CONTAINER);
         }
         let low = boxes.iter().map(|b| b.lowest_z_m(workspace_from_grasp)).fold(f32::INFINITY, f32::min);
         (low < self.table_z_m).then_some(Hit::TABLE)
@@ -243,7 +286,7 @@ pub(crate) mod tests {
             let pose = Pose::from_parts(stream.point(Vec3::splat(-0.07), Vec3::splat(0.07)), stream.rotation());
             let finger = gripper.open_hand()[case % 3].swept_back(0.05);
             let object = SceneObject { body: solid.into(), mass_kg: 0.1, friction: 1.0, workspace_from_object: pose };
-            let scene = Scene { table_z_m: -1.0, objects: vec![object] };
+            let scene = Scene { table_z_m: -1.0, fixtures: Vec::new(), objects: vec![object] };
             let gate = Gate::new(&scene, &gripper, &Procedure::PAPER);
             let (hulls, pose_of_object) = &gate.obstacles[0];
             let got = touches(&hulls[0], pose_of_object, &[finger; 3]);

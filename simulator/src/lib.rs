@@ -29,7 +29,7 @@
 //!     workspace_from_object: Pose::from_translation(Vec3::new(0.15, 0.15, z_m)),
 //! });
 //! let physics = Physics::STANDARD;
-//! let settled = settle(&physics, &SettleParams::STANDARD, &Grid::PAPER, &released).expect("they come to rest");
+//! let settled = settle(&physics, &SettleParams::STANDARD, &Grid::PAPER, &[], &released).expect("they come to rest");
 //!
 //! let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).expect("it is built in");
 //! let world = AttemptWorld::new(&physics, &gripper, &Procedure::PAPER, &settled.scene);

@@ -1,6 +1,6 @@
 //! Where a blocked hand first touches the obstacle. The gate itself only tests whether it does.
 
-use schema::{HandBox, Outcome, Pose, Vec3};
+use schema::{HandBox, HitKind, Outcome, Pose, Vec3};
 
 use crate::attempt::AttemptWorld;
 use crate::gate::Hit;
@@ -54,12 +54,12 @@ impl AttemptWorld<'_> {
     fn touched(&self, workspace_from_grasp: &Pose, hit: Hit, boxes: &[HandBox; 3]) -> Option<(usize, Vec3)> {
         let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
         let height_m = self.table_z_m - workspace_from_grasp.translation.z;
-        let shared_m = |hand_box: &HandBox| match hit.object_id {
-            Some(id) => {
-                let parts = self.gate.overlapped(id, workspace_from_grasp, &[*hand_box]);
+        let shared_m = |hand_box: &HandBox| match hit.kind {
+            HitKind::Target | HitKind::Other | HitKind::Container => {
+                let parts = self.gate.overlapped(hit.object_id, workspace_from_grasp, &[*hand_box]);
                 parts.first().map(|part| point_in(part, hand_box))
             }
-            None => Some(lowest_corner_m(hand_box, up)).filter(|corner_m| up.dot(*corner_m) < height_m),
+            HitKind::Table => Some(lowest_corner_m(hand_box, up)).filter(|corner_m| up.dot(*corner_m) < height_m),
         };
         boxes.iter().enumerate().find_map(|(number, hand_box)| Some((number, shared_m(hand_box)?)))
     }

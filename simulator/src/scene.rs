@@ -1,6 +1,6 @@
 //! A scene at rest.
 
-use schema::{ObjectRecord, ObjectShape, Pose, Vec3};
+use schema::{ObjectRecord, ObjectShape, Polyhedron, Pose, Vec3};
 
 use crate::Body;
 
@@ -22,18 +22,21 @@ pub struct SceneObject {
 pub struct Scene {
     /// Height of the table's top, in metres.
     pub table_z_m: f32,
+    /// What stands on the table and never moves, such as the walls of a bin: convex parts in the workspace, with the
+    /// friction of the table. They may be touched and seen, and are never a target.
+    pub fixtures: Vec<Polyhedron>,
     /// The objects.
     pub objects: Vec<SceneObject>,
 }
 
 impl Scene {
-    /// The scene that a dataset's rows describe, so that stored attempts can be executed again. `bodies` are those of
-    /// the dataset's models, in their order ([`crate::bodies_of`]).
+    /// The scene that a dataset's rows describe, so that stored attempts can be executed again. `fixtures` are the
+    /// parts of its container, `bodies` those of the dataset's models, in their order ([`crate::bodies_of`]).
     ///
     /// # Panics
     /// If a row names a model without a body.
     #[must_use]
-    pub fn from_records(table_z_m: f32, records: &[ObjectRecord], bodies: &[Body]) -> Self {
+    pub fn from_records(table_z_m: f32, fixtures: Vec<Polyhedron>, records: &[ObjectRecord], bodies: &[Body]) -> Self {
         let body = |shape: &ObjectShape| match shape {
             ObjectShape::Solid(solid) => (*solid).into(),
             ObjectShape::Model { number, .. } => bodies[usize::from(*number)].clone(),
@@ -47,17 +50,29 @@ impl Scene {
                 workspace_from_object: r.workspace_from_object,
             })
             .collect();
-        Self { table_z_m, objects }
+        Self { table_z_m, fixtures, objects }
+    }
+
+    /// Whether a fixture is nearer to a point of the workspace than any object.
+    #[must_use]
+    pub fn is_at_fixture(&self, point_m: Vec3) -> bool {
+        let outside_m = |fixture: &Polyhedron| {
+            fixture.planes().map(|plane| plane.normal.dot(point_m) - plane.offset_m).fold(f32::NEG_INFINITY, f32::max)
+        };
+        let nearest = self.nearest(point_m).map_or(f32::INFINITY, |id| self.distance_outside_m(id, point_m));
+        self.fixtures.iter().any(|fixture| outside_m(fixture) < nearest)
+    }
+
+    fn distance_outside_m(&self, object_id: usize, point_m: Vec3) -> f32 {
+        let object = &self.objects[object_id];
+        object.body.distance_outside_m(object.workspace_from_object.inverse_transform_point(point_m))
     }
 
     /// The object whose surface is nearest to a point of the workspace, or that contains it: the target of a hand with
     /// its tips there. `None` without objects.
     #[must_use]
     pub fn nearest(&self, point_m: Vec3) -> Option<usize> {
-        let outside_m = |object: &SceneObject| {
-            object.body.distance_outside_m(object.workspace_from_object.inverse_transform_point(point_m))
-        };
-        let distances = self.objects.iter().map(outside_m).enumerate();
-        distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, _)| number)
+        let distances = (0..self.objects.len()).map(|id| (id, self.distance_outside_m(id, point_m)));
+        distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(id, _)| id)
     }
 }

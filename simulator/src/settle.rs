@@ -3,12 +3,16 @@
 //! The objects fall one after the other into an open box. When the last one rests, the box is removed, and the pile
 //! comes to rest again. The free part of a fall is not simulated, and resting objects sleep until something touches
 //! them. Objects that have left the workspace are not part of the scene.
+//!
+//! Fixtures stand there from the beginning, so that objects fall between the walls of a bin. One that does not stand on
+//! the table, such as the board of a shelf, would be in the way: it is put in when the objects rest, and those that
+//! reach up to it are taken out.
 
-use schema::{Engine, Grid, Physics, Pose, SettleParams, Vec3};
+use schema::{Engine, Grid, Physics, Polyhedron, Pose, SettleParams, Vec3};
 
 use crate::bodies::{PileEngine, RapierPile};
 use crate::engine::EngineBody;
-use crate::stepper::{Stepper, Thing};
+use crate::stepper::{Stepper, Things};
 use crate::{Scene, SceneObject};
 
 /// A scene that came to rest.
@@ -40,7 +44,10 @@ const NEAR_M: f32 = 0.005;
 const ESCAPE_DISTANCE_M: f32 = 2.0;
 const SUNK_DEPTH_M: f32 = 0.01;
 
-/// Drops `drops` one by one into a box over the workspace and waits until they rest.
+/// A fixture that begins this far above the table does not stand on it.
+const STANDS_M: f32 = 1e-4;
+
+/// Drops `drops` one by one among `fixtures` into a box over the workspace and waits until they rest.
 ///
 /// # Errors
 /// [`Unsettled`] says why the scene is rejected; the caller draws another.
@@ -48,14 +55,16 @@ pub fn settle(
     physics: &Physics,
     params: &SettleParams,
     grid: &Grid,
+    fixtures: &[Polyhedron],
     drops: &[SceneObject],
 ) -> Result<Settled, Unsettled> {
-    let things = things(physics, drops);
-    let mut pile = Pile::new(physics, params, grid, drops, &things);
+    let stands = |fixture: &Polyhedron| bottom_z_m(fixture) < grid.table_z_m + STANDS_M;
+    let (standing, hung): (Vec<Polyhedron>, Vec<Polyhedron>) = fixtures.iter().cloned().partition(stands);
+    let things = things(physics, &standing, drops);
+    let mut pile = Pile::new((physics, params, grid), &standing, drops, &things);
     pile.heap.add_walls(grid.size_m);
     for (drop, known) in drops.iter().zip(0..) {
-        let low_z_m = lowest_z_m(drop);
-        let fall = Fall::until_near(physics, params, low_z_m - pile.top_z_m(&drops[..known]));
+        let fall = Fall::until_near(physics, params, lowest_z_m(drop) - pile.top_z_m(&drops[..known]));
         let mut pose = drop.workspace_from_object;
         pose.translation.z -= fall.way_m;
         pile.add(&pose, -Vec3::Z * fall.speed_m_s);
@@ -66,11 +75,21 @@ pub fn settle(
     pile.rest()?;
     let mut objects = pile.objects(drops)?;
     objects.retain(|object| is_over_workspace(object, grid));
-    if objects.is_empty() { Err(Unsettled::Empty) } else { Ok(pile.settled(objects)) }
+    let below_z_m = hung.iter().map(bottom_z_m).fold(f32::INFINITY, f32::min);
+    objects.retain(|object| highest_z_m(object) < below_z_m);
+    if objects.is_empty() {
+        return Err(Unsettled::Empty);
+    }
+    if hung.is_empty() {
+        return Ok(pile.settled(objects));
+    }
+    let again = settle_again(physics, params, grid, fixtures, &objects)?;
+    let settle_time_s = again.settle_time_s + pile.steps as f32 * physics.dt_s();
+    if again.scene.objects.is_empty() { Err(Unsettled::Empty) } else { Ok(Settled { settle_time_s, ..again }) }
 }
 
-/// Lets the `objects` that an attempt left behind come to rest, without walls. An object that rests outside the
-/// workspace is removed, and the others come to rest again. The result may be empty.
+/// Lets the `objects` that an attempt left behind come to rest among `fixtures`, without walls. An object that rests
+/// outside the workspace is removed, and the others come to rest again. The result may be empty.
 ///
 /// # Errors
 /// [`Unsettled::Moving`], with a place among the objects that are left, or [`Unsettled::Unstable`]; an empty scene is
@@ -79,6 +98,7 @@ pub fn settle_again(
     physics: &Physics,
     params: &SettleParams,
     grid: &Grid,
+    fixtures: &[Polyhedron],
     objects: &[SceneObject],
 ) -> Result<Settled, Unsettled> {
     let mut objects = objects.to_vec();
@@ -86,8 +106,8 @@ pub fn settle_again(
     // The loop ends: every round but the last has fewer objects.
     loop {
         all_sane(&objects, grid)?;
-        let things = things(physics, &objects);
-        let mut pile = Pile { steps, ..Pile::new(physics, params, grid, &objects, &things) };
+        let things = things(physics, fixtures, &objects);
+        let mut pile = Pile { steps, ..Pile::new((physics, params, grid), fixtures, &objects, &things) };
         for object in &objects {
             pile.add(&object.workspace_from_object, Vec3::ZERO);
         }
@@ -110,37 +130,37 @@ struct Pile<'a> {
     physics: &'a Physics,
     params: &'a SettleParams,
     grid: &'a Grid,
+    fixtures: &'a [Polyhedron],
     heap: Box<dyn PileEngine + 'a>,
     count: usize,
     steps: usize,
 }
 
-/// The objects as the stepper wants them; none where rapier is asked.
-fn things(physics: &Physics, objects: &[SceneObject]) -> Vec<Thing> {
+/// Fixtures and objects as the stepper wants them; none where rapier is asked.
+fn things(physics: &Physics, fixtures: &[Polyhedron], objects: &[SceneObject]) -> Things {
     match physics.engine {
-        Engine::Stepper => objects.iter().map(Thing::of).collect(),
-        Engine::Rapier => Vec::new(),
+        Engine::Stepper => Things::of(objects, fixtures),
+        Engine::Rapier => Things::of(&[], &[]),
     }
 }
 
 impl<'a> Pile<'a> {
-    /// A table for `objects`, of which none is there yet.
+    /// A table with `fixtures` for `objects`, of which none is there yet.
     fn new(
-        physics: &'a Physics,
-        params: &'a SettleParams,
-        grid: &'a Grid,
+        (physics, params, grid): (&'a Physics, &'a SettleParams, &'a Grid),
+        fixtures: &'a [Polyhedron],
         objects: &[SceneObject],
-        things: &'a [Thing],
+        things: &'a Things,
     ) -> Self {
         let settling = Physics { solver_iterations: params.solver_iterations, ..*physics };
         let heap: Box<dyn PileEngine + 'a> = match physics.engine {
             Engine::Stepper => Box::new(Stepper::pile(&settling, params.damping_1_s, things, grid.table_z_m)),
             Engine::Rapier => {
                 let objects = objects.iter().map(EngineBody::of).collect();
-                Box::new(RapierPile::new(&settling, params, objects, grid.table_z_m))
+                Box::new(RapierPile::new(&settling, params, objects, fixtures, grid.table_z_m))
             }
         };
-        Self { physics, params, grid, heap, count: 0, steps: 0 }
+        Self { physics, params, grid, fixtures, heap, count: 0, steps: 0 }
     }
 
     fn add(&mut self, pose: &Pose, velocity_m_s: Vec3) {
@@ -148,13 +168,14 @@ impl<'a> Pile<'a> {
         self.count += 1;
     }
 
-    /// Height of the highest corner of the dropped objects, or of the table.
+    /// Height of the highest corner of the dropped objects and the fixtures, or of the table.
     fn top_z_m(&self, dropped: &[SceneObject]) -> f32 {
         let corner_z_m = dropped.iter().zip(0..).flat_map(|(drop, id)| {
             let pose = self.heap.pose(id);
             drop.body.vertices_m().into_iter().map(move |corner| pose.transform_point(corner).z)
         });
-        corner_z_m.fold(self.grid.table_z_m, f32::max)
+        let fixed_z_m = self.fixtures.iter().flat_map(Polyhedron::corners_m).map(|corner| corner.z);
+        corner_z_m.chain(fixed_z_m).fold(self.grid.table_z_m, f32::max)
     }
 
     /// Simulates until every body rests.
@@ -195,7 +216,7 @@ impl<'a> Pile<'a> {
     }
 
     fn settled(&self, objects: Vec<SceneObject>) -> Settled {
-        let scene = Scene { table_z_m: self.grid.table_z_m, objects };
+        let scene = Scene { table_z_m: self.grid.table_z_m, fixtures: self.fixtures.to_vec(), objects };
         Settled { scene, settle_time_s: self.steps as f32 * self.physics.dt_s() }
     }
 }
@@ -226,6 +247,17 @@ impl Fall {
 fn lowest_z_m(object: &SceneObject) -> f32 {
     let z_m = |corner: &Vec3| object.workspace_from_object.transform_point(*corner).z;
     object.body.vertices_m().iter().map(z_m).fold(f32::INFINITY, f32::min)
+}
+
+/// Height of an object's highest corner.
+fn highest_z_m(object: &SceneObject) -> f32 {
+    let z_m = |corner: &Vec3| object.workspace_from_object.transform_point(*corner).z;
+    object.body.vertices_m().iter().map(z_m).fold(f32::NEG_INFINITY, f32::max)
+}
+
+/// Height of a fixture's lowest corner.
+fn bottom_z_m(fixture: &Polyhedron) -> f32 {
+    fixture.corners_m().iter().map(|corner| corner.z).fold(f32::INFINITY, f32::min)
 }
 
 fn all_sane(objects: &[SceneObject], grid: &Grid) -> Result<(), Unsettled> {

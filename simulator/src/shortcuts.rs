@@ -37,11 +37,12 @@ impl AttemptWorld<'_> {
         self.gripper.closing_speed_m_s * self.physics.dt_s()
     }
 
-    /// The closing of a hand among objects at rest, until it comes near one.
+    /// The closing of a hand among objects at rest and fixtures, until it comes near one.
     pub(crate) fn free_closing(&self, workspace_from_grasp: &schema::Pose) -> FreeClosing {
         let (gripper, step_m) = (self.gripper, self.closing_step_m());
         let near_m = NEAR_M + 2.0 * step_m;
-        let objects = self.gate.placed(workspace_from_grasp);
+        let mut objects = self.gate.placed(workspace_from_grasp);
+        objects.extend(self.gate.placed_fixtures(workspace_from_grasp));
         let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
         let fingers = gripper.fingers(gripper.opening_m_max).into_iter().zip([Vec3::Y, -Vec3::Y]);
         let free_m = fingers
@@ -122,7 +123,8 @@ impl Run<'_> {
         let mut movers = placed(self.target);
         let hand = self.setup.gripper.open_hand().into_iter().zip(self.engine.hand_moved_m());
         movers.extend(hand.map(|(hand_box, moved_m)| PlacedPart::from_box(&hand_box, moved_m)));
-        self.others().flat_map(placed).all(|other| {
+        let fixtures = self.setup.gate.placed_fixtures(&self.workspace_from_grasp);
+        self.others().flat_map(placed).chain(fixtures).all(|other| {
             movers.iter().all(|mover| {
                 let apart = other.centre_m - mover.centre_m;
                 let passed = apart - direction * apart.dot(direction).clamp(0.0, length_m);

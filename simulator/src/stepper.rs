@@ -1,4 +1,4 @@
-//! A stepper made for grasp attempts and for piles: a table, a hand, walls, and a few bodies of convex parts.
+//! A stepper made for grasp attempts and for piles: a table, a hand, walls, fixtures, and a few bodies of convex parts.
 //!
 //! The method is rapier's: substeps with warm-started, soft contacts and Coulomb cones, each solved once with and twice
 //! without the push against overlap (with one such pass, what is pressed from both sides trembles: the fingers take 97
@@ -23,18 +23,23 @@ use crate::contact::{Contact as Pressing, ContactBody};
 use contact::{Answer, Contact, Contacts, Double, Motion, Pass, Relative, Single, Touched, lanes};
 use jaws::Jaws;
 use patch::{Frame, Patch, Scratch};
+use shape::Thing;
 
-pub(crate) use shape::Thing;
+pub(crate) use shape::Things;
 
 /// rapier's damping ratio of contact springs.
 const CONTACT_DAMPING_RATIO: f32 = 10.0;
-/// What [`Single::first`] is for the table; then come the hand's boxes, then the walls.
+/// What [`Single::first`] is for the table; then come the hand's boxes, then the four walls, then the fixtures.
 const TABLE: usize = 0;
 const WALLS: usize = 4;
+const FIXTURES: usize = 8;
 
 /// The state of an attempt, in the frame of the grasp, or of a pile, in that of the workspace.
 pub(crate) struct Stepper<'a> {
     things: &'a [Thing],
+    fixtures: &'a [shape::Part],
+    /// The workspace, in which fixtures are.
+    workspace: Frame,
     table_friction: f32,
     step_s: f32,
     substeps: usize,
@@ -96,7 +101,6 @@ impl Body {
 
     /// Brings what follows from centre and rotation up to date.
     fn place(&mut self, thing: &Thing) {
-        let axes_of = |rotation: Quat| [rotation * Vec3::X, rotation * Vec3::Y, rotation * Vec3::Z];
         let axes = axes_of(self.rotation);
         let turned = Frame { axes, origin_m: Vec3::ZERO }.turn(thing.centre_m);
         self.frame = Frame { axes, origin_m: self.answer.centre_m - turned };
@@ -130,32 +134,37 @@ impl Body {
     }
 }
 
+fn axes_of(rotation: Quat) -> [Vec3; 3] {
+    [rotation * Vec3::X, rotation * Vec3::Y, rotation * Vec3::Z]
+}
+
 impl<'a> Stepper<'a> {
     /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose fingers have closed
-    /// by `closed_m` each. Things are asleep until touched, unless `all_awake`.
+    /// by `closed_m` each and can close by `closed_m_max`. Things are asleep until touched, unless `all_awake`.
     pub(crate) fn new(
         physics: &Physics,
         gripper: &Gripper,
-        things: &'a [Thing],
+        things: &'a Things,
         table_z_m: f32,
         workspace_from_grasp: &Pose,
-        closed_m: f32,
+        (closed_m, closed_m_max): (f32, [f32; 2]),
         all_awake: bool,
     ) -> Self {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let mut stepper = Self::empty(physics, things, table_z_m, &grasp_from_workspace);
-        stepper.jaws = Jaws::new(gripper, closed_m);
+        stepper.jaws = Jaws::new(gripper, closed_m, closed_m_max);
         let body = |thing: &Thing| Body::new(thing, &(grasp_from_workspace * thing.workspace_from_object), all_awake);
-        stepper.bodies.extend(things.iter().map(body));
+        stepper.bodies.extend(things.moving.iter().map(body));
         stepper
     }
 
     /// A table for a pile of `things`, of which none is there yet.
-    pub(crate) fn pile(physics: &Physics, damping_1_s: f32, things: &'a [Thing], table_z_m: f32) -> Self {
+    pub(crate) fn pile(physics: &Physics, damping_1_s: f32, things: &'a Things, table_z_m: f32) -> Self {
         Self { damping_1_s, ..Self::empty(physics, things, table_z_m, &Pose::IDENTITY) }
     }
 
-    fn empty(physics: &Physics, things: &'a [Thing], table_z_m: f32, world_from_workspace: &Pose) -> Self {
+    fn empty(physics: &Physics, things: &'a Things, table_z_m: f32, world_from_workspace: &Pose) -> Self {
+        let Things { moving: things, fixtures } = things;
         let up = world_from_workspace.rotation * Vec3::Z;
         let table_m = up.dot(world_from_workspace.transform_point(Vec3::new(0.0, 0.0, table_z_m)));
         let substep_s = physics.dt_s() / physics.solver_iterations as f32;
@@ -171,6 +180,11 @@ impl<'a> Stepper<'a> {
         };
         Self {
             things,
+            fixtures,
+            workspace: Frame {
+                axes: axes_of(world_from_workspace.rotation),
+                origin_m: world_from_workspace.translation,
+            },
             table_friction: physics.table_friction,
             step_s: physics.dt_s(),
             substeps: physics.solver_iterations,
@@ -203,6 +217,7 @@ impl<'a> Stepper<'a> {
             let id = self.queue[next];
             next += 1;
             self.touch_planes(id);
+            self.touch_fixtures(id);
             for other in 0..self.bodies.len() {
                 // Those before it in the queue have asked already.
                 if !self.queue[..next].contains(&other) {
@@ -249,6 +264,21 @@ impl<'a> Stepper<'a> {
         }
     }
 
+    fn touch_fixtures(&mut self, id: usize) {
+        let (thing, fixtures) = (&self.things[id], self.fixtures);
+        for (number, fixture) in fixtures.iter().enumerate() {
+            for (part, shape) in thing.parts.iter().enumerate() {
+                let key = key([FIXTURES, number], [id, part]);
+                let frames = [self.workspace, self.bodies[id].frame];
+                if let Some(patch) = self.patch_between(key, frames, [fixture, shape]) {
+                    let friction = self.table_friction * thing.friction;
+                    let answer = &self.bodies[id].answer;
+                    self.singles.add(key, [FIXTURES, id], friction, &patch, Touched::Fixed, answer);
+                }
+            }
+        }
+    }
+
     fn touch_hand(&mut self, which: usize, id: usize) {
         let (body, thing) = (&self.bodies[id], &self.things[id]);
         let (centre_m, half_m) = self.jaws.box_at(which);
@@ -277,7 +307,8 @@ impl<'a> Stepper<'a> {
         for (part, shape) in things[first].parts.iter().enumerate() {
             for (other_part, other_shape) in things[second].parts.iter().enumerate() {
                 let key = key([64 + first, part], [second, other_part]);
-                if let Some(patch) = self.patch_between(key, [first, second], [shape, other_shape]) {
+                let frames = [first, second].map(|id| self.bodies[id].frame);
+                if let Some(patch) = self.patch_between(key, frames, [shape, other_shape]) {
                     let [a, b] = [&self.bodies[first].answer, &self.bodies[second].answer];
                     let friction = things[first].friction * things[second].friction;
                     self.doubles.add(key, [first, second], friction, &patch, Touched::Body(a), b);
@@ -290,8 +321,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    fn patch_between(&mut self, key: u64, ids: [usize; 2], parts: [&shape::Part; 2]) -> Option<Patch> {
-        let frames = ids.map(|id| &self.bodies[id].frame);
+    fn patch_between(&mut self, key: u64, frames: [Frame; 2], parts: [&shape::Part; 2]) -> Option<Patch> {
         let centres_m: [Vec3; 2] = core::array::from_fn(|i| frames[i].in_world(parts[i].hull.centre_m));
         let apart_m = centres_m[1] - centres_m[0];
         let reach_m = parts[0].hull.radius_m + parts[1].hull.radius_m + patch::PREDICTION_M;
@@ -307,7 +337,7 @@ impl<'a> Stepper<'a> {
                 return None;
             }
         }
-        match patch::between(parts, frames, &mut self.scratch) {
+        match patch::between(parts, [&frames[0], &frames[1]], &mut self.scratch) {
             Ok(patch) => Some(patch),
             Err(axis) => {
                 match (axis, known) {
@@ -492,13 +522,15 @@ impl AttemptEngine for Stepper<'_> {
     }
 
     fn is_touched_by_others(&self, object_id: usize) -> bool {
-        self.singles.iter().any(|c| c.first == TABLE && c.second == object_id && c.presses())
+        let stands = |first: usize| first == TABLE || first >= WALLS;
+        self.singles.iter().any(|c| stands(c.first) && c.second == object_id && c.presses())
             || self.doubles.iter().any(|c| (c.first == object_id || c.second == object_id) && c.presses())
     }
 
     fn contacts(&self) -> Vec<Pressing> {
-        let hand = [ContactBody::Table, ContactBody::LeftFinger, ContactBody::RightFinger, ContactBody::Palm];
-        let singles = self.singles.iter().map(|c| (hand[c.first], c.second, c.bearing()));
+        let known = [ContactBody::Table, ContactBody::LeftFinger, ContactBody::RightFinger, ContactBody::Palm];
+        let of = |first: usize| known.get(first).copied().unwrap_or(ContactBody::Container);
+        let singles = self.singles.iter().map(|c| (of(c.first), c.second, c.bearing()));
         let doubles = self.doubles.iter().map(|c| (ContactBody::Object(c.first), c.second, c.bearing()));
         let mut pressing: Vec<Pressing> = Vec::new();
         for (first, second, (points_m, impulse)) in singles.chain(doubles) {

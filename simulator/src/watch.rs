@@ -68,6 +68,8 @@ pub enum AttemptEvent {
     },
     /// The closing fingers came too near the table.
     NearTable,
+    /// The closing or retreating hand came too near a fixture.
+    NearContainer,
     /// The target moves with the hand, everything else rests, and the way is free, so the shortcut ends the lift here.
     RidesAlong {
         /// Remaining distance, in metres.

@@ -80,7 +80,7 @@ fn standing(body: Body, mass_kg: f32) -> SceneObject {
 }
 
 fn scene_of(object: SceneObject) -> Scene {
-    Scene { table_z_m: TABLE_Z_M, objects: vec![object] }
+    Scene { table_z_m: TABLE_Z_M, fixtures: Vec::new(), objects: vec![object] }
 }
 
 /// A grasp from above, closing along x, its tips at `tip_z_m`.
@@ -137,7 +137,9 @@ fn what_is_cut_or_wrapped_looks_the_same() {
         let camera = looking(stream.point(Vec3::new(-0.2, -0.2, 0.2), Vec3::new(0.5, 0.5, 0.5)), pose.translation);
         let [plain, others @ ..] =
             alike().map(|body| SceneRays::new(&scene_of(object(body, 0.1, pose))).render(&camera).depth_m);
-        let bare = SceneRays::new(&Scene { table_z_m: TABLE_Z_M, objects: Vec::new() }).render(&camera).depth_m;
+        let bare = SceneRays::new(&Scene { table_z_m: TABLE_Z_M, fixtures: Vec::new(), objects: Vec::new() })
+            .render(&camera)
+            .depth_m;
         let seen = plain.iter().zip(&bare).filter(|(a, b)| a != b).count();
         assert!(seen > 100, "the object fills {seen} pixels");
         for other in others {
@@ -175,7 +177,7 @@ fn what_is_cut_or_wrapped_comes_to_rest_alike() {
         let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.18), stream.rotation());
         let [plain, others @ ..] = alike().map(|body| {
             let drop = SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
-            settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).unwrap().scene.objects[0]
+            settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], &[drop]).unwrap().scene.objects[0]
                 .workspace_from_object
         });
         count += 1;
@@ -229,7 +231,7 @@ fn one_solid_alone_is_that_solid_to_the_bit() {
         let [plain, alone] = [Body::from(solid), alone.into()].map(|body| {
             let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.15), axis_angle(Vec3::X, 0.4));
             let drop = SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
-            let settled = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).unwrap();
+            let settled = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], &[drop]).unwrap();
             let pose = settled.scene.objects[0].workspace_from_object;
             let end = both(&settled.scene, &from_above(pose.translation.x, pose.translation.z));
             (settled.settle_time_s, pose, end)
@@ -291,7 +293,8 @@ fn what_stands_goes_on_standing() {
     let patient = SettleParams { rest_time_s: 3.0, time_s_max: 4.0, ..SettleParams::STANDARD };
     for body in [ring(0.03, 0.045, 0.025), l_shape(), cut, hull, prism] {
         let before = standing(body, 0.1);
-        let after = settle_again(&Physics::FAITHFUL, &patient, &Grid::PAPER, core::slice::from_ref(&before)).unwrap();
+        let after =
+            settle_again(&Physics::FAITHFUL, &patient, &Grid::PAPER, &[], core::slice::from_ref(&before)).unwrap();
         let (off_m, turned) = apart(&after.scene.objects[0].workspace_from_object, &before.workspace_from_object);
         assert!(off_m < 5e-4 && turned < 1e-5, "{}: {off_m} m, {turned}", before.body.name());
     }
@@ -307,7 +310,7 @@ fn a_pile_of_compounds_comes_to_rest() {
         let workspace_from_object = Pose::from_parts(at, stream.rotation());
         drops.push(SceneObject { body, mass_kg: 0.1, friction: 0.8, workspace_from_object });
     }
-    let scene = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &drops).unwrap().scene;
+    let scene = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], &drops).unwrap().scene;
     assert!(scene.objects.len() >= 4, "{} of 5 stayed", scene.objects.len());
     for object in &scene.objects {
         let low = |v: Vec3| object.workspace_from_object.transform_point(v).z;
@@ -357,7 +360,7 @@ fn what_stands_on_hulls_of_many_faces_comes_to_rest() {
         let body = Compound::new("pebbles", parts.into()).unwrap().into();
         let workspace_from_object = Pose::from_parts(Vec3::new(0.15, 0.15, 0.15), stream.rotation());
         let object = SceneObject { body, mass_kg: 0.1, friction: 0.8, workspace_from_object };
-        let settled = settle(&Physics::STANDARD, &SettleParams::STANDARD, &Grid::PAPER, &[object]);
+        let settled = settle(&Physics::STANDARD, &SettleParams::STANDARD, &Grid::PAPER, &[], &[object]);
         assert!(settled.is_ok(), "case {case}: {settled:?}");
     }
 }

@@ -23,7 +23,7 @@ fn block(extents: [f32; 3], at: [f32; 3], yaw_rad: f32, friction: f32) -> SceneO
 fn scene(friction: f32) -> Scene {
     let target = block([0.04, 0.04, 0.05], [0.11, 0.19, 0.075], 0.6, friction);
     let bystander = block([0.03, 0.05, 0.04], [0.23, 0.08, 0.07], -0.4, 1.0);
-    Scene { table_z_m: 0.05, objects: vec![target, bystander] }
+    Scene { table_z_m: 0.05, fixtures: Vec::new(), objects: vec![target, bystander] }
 }
 
 /// A grasp of the target from above, leaning by `lean_rad`, its tips at `tip_z_m`.
@@ -124,7 +124,7 @@ fn a_held_object_that_is_let_go_falls_and_the_others_stay() {
         .zip(&poses)
         .map(|(o, pose)| SceneObject { workspace_from_object: *pose, ..o.clone() })
         .collect();
-    let settled = settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &left).unwrap();
+    let settled = settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], &left).unwrap();
     // 0.1 m take 0.14 s, and then it rests for a tenth of a second.
     assert!(settled.settle_time_s > 0.24 && settled.settle_time_s < 2.0, "{} s", settled.settle_time_s);
     let [fallen, bystander] = [0, 1].map(|id| settled.scene.objects[id].workspace_from_object);
@@ -135,7 +135,7 @@ fn a_held_object_that_is_let_go_falls_and_the_others_stay() {
 #[test]
 fn what_rests_outside_is_left_out_and_an_empty_scene_is_a_scene() {
     let again = |objects: &[SceneObject]| {
-        settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, objects).unwrap()
+        settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], objects).unwrap()
     };
     let inside = block([0.04, 0.04, 0.04], [0.15, 0.15, 0.07], 0.0, 1.0);
     let outside = block([0.04, 0.04, 0.04], [0.35, 0.15, 0.07], 0.0, 1.0);
@@ -152,7 +152,7 @@ fn what_lay_on_something_that_is_left_out_comes_to_rest_once_more() {
     // The block's centre is 5 mm outside, that of the plate on it 10 mm inside.
     let outside = block([0.06, 0.06, 0.06], [-0.005, 0.15, 0.08], 0.0, 1.0);
     let plate = block([0.04, 0.04, 0.01], [0.01, 0.15, 0.115], 0.0, 1.0);
-    let kept = settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[outside, plate])
+    let kept = settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], &[outside, plate])
         .unwrap()
         .scene
         .objects;
@@ -165,7 +165,7 @@ fn what_lay_on_something_that_is_left_out_comes_to_rest_once_more() {
 fn a_pose_that_is_none_is_unstable() {
     for at in [[f32::NAN, 0.15, 0.07], [0.15, 0.15, 0.02], [5.0, 0.15, 0.07]] {
         let lost = block([0.04, 0.04, 0.04], at, 0.0, 1.0);
-        let end = settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[lost]);
+        let end = settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], &[lost]);
         assert_eq!(end, Err(Unsettled::Unstable), "{at:?}");
     }
 }

@@ -22,7 +22,9 @@ fn object(kind: ShapeKind, extents_m: [f32; 3], mass_kg: f32, friction: f32) -> 
 }
 
 fn at_rest(drop: SceneObject) -> Scene {
-    settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).expect("the object comes to rest").scene
+    settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], &[drop])
+        .expect("the object comes to rest")
+        .scene
 }
 
 /// A grasp from straight above, finger tips at `tip_z_m`, closing along y.
@@ -136,7 +138,7 @@ fn a_box_on_the_table_rests_without_creeping() {
     let drop = object(ShapeKind::Cuboid, [0.05, 0.05, 0.05], 0.2, 1.0);
     let start = drop.workspace_from_object.translation;
     let patient = SettleParams { rest_time_s: 5.0, time_s_max: 8.0, ..SettleParams::STANDARD };
-    let rested = settle(&Physics::FAITHFUL, &patient, &Grid::PAPER, &[drop]).unwrap().scene;
+    let rested = settle(&Physics::FAITHFUL, &patient, &Grid::PAPER, &[], &[drop]).unwrap().scene;
     let end = rested.objects[0].workspace_from_object.translation;
     assert!((end - start).truncate().length() < 1e-4, "crept from {start} to {end}");
     assert!((end.z - 0.075).abs() < 0.001, "stands at {end}");
@@ -168,6 +170,7 @@ fn what_lies_on_top_of_the_target_and_rides_along_is_hit_other() {
     let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.04, 0.03, 0.01)).unwrap();
     let scene = Scene {
         table_z_m: 0.05,
+        fixtures: Vec::new(),
         objects: vec![
             SceneObject {
                 body: below.body,
@@ -204,9 +207,10 @@ fn what_lies_ahead_of_the_lift_is_not_skipped() {
     let sideways = axis_angle(Vec3::ONE.normalize(), -2.0 * PI / 3.0);
     let grasp = Pose::from_parts(Vec3::new(0.15, 0.16, 0.072), sideways);
     let [left, right] = posts;
-    let under = Scene { table_z_m: 0.05, objects: vec![block.clone(), left, right, plank(0.155)] };
+    let under =
+        Scene { table_z_m: 0.05, fixtures: Vec::new(), objects: vec![block.clone(), left, right, plank(0.155)] };
     let end = both(&under, &grasp, &Procedure::PAPER);
     assert_eq!((end.outcome, end.hit.unwrap().object_id), (Outcome::HitOther, Some(3)), "{end:?}");
-    let free = Scene { table_z_m: 0.05, objects: vec![block] };
+    let free = Scene { table_z_m: 0.05, fixtures: Vec::new(), objects: vec![block] };
     assert_eq!(both(&free, &grasp, &Procedure::PAPER).outcome, Outcome::Held);
 }

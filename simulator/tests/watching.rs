@@ -23,7 +23,11 @@ fn block(extents: [f32; 3], at: [f32; 3], mass_kg: f32, friction: f32) -> SceneO
 /// A target and a bystander out of reach.
 fn scene(mass_kg: f32, friction: f32) -> Scene {
     let target = block([0.04, 0.04, 0.05], [0.11, 0.19, 0.075], mass_kg, friction);
-    Scene { table_z_m: 0.05, objects: vec![target, block([0.03, 0.05, 0.04], [0.23, 0.08, 0.07], 0.1, 1.0)] }
+    Scene {
+        table_z_m: 0.05,
+        fixtures: Vec::new(),
+        objects: vec![target, block([0.03, 0.05, 0.04], [0.23, 0.08, 0.07], 0.1, 1.0)],
+    }
 }
 
 /// A grasp from above.

@@ -2,8 +2,9 @@
 //! outcomes that depend on the grasp, so that statistics are realistic and a network can learn from them.
 
 use schema::{
-    Approach, AttemptRecord, Axis, Grid, Gripper, HitKind, ObjectRecord, Outcome, Pose, Procedure, Purpose, Quat, Rule,
-    SceneRecord, SceneRejections, SceneRows, ShapeKind, Solid, Stream, Vec3, View, axis_angle, pose_from_parts,
+    Approach, AttemptRecord, Axis, Container, ContainerKind, Grid, Gripper, HitKind, ObjectRecord, Outcome, Pose,
+    Procedure, Purpose, Quat, Rule, SceneRecord, SceneRejections, SceneRows, ShapeKind, Solid, Stream, Vec3, View,
+    axis_angle, pose_from_parts,
 };
 
 use shards::{DatasetInfo, FormatVersion};
@@ -89,8 +90,15 @@ pub(crate) fn scene_rows(scene_id: u64, seed: u64, info: &DatasetInfo) -> SceneR
         rejections: SceneRejections { unsettled: u32::from(draw.unit() < 0.05), empty: 0, unstable: 0 },
         tsdf: tsdf(&objects, &views, &info.grid),
         views,
+        container: info.has_containers().then(|| container(scene_id)).flatten(),
     };
     SceneRows { scene, objects, attempts }
+}
+
+/// A container of each kind in turn, then none.
+fn container(scene_id: u64) -> Option<Container> {
+    let kind = ContainerKind::ALL.get(scene_id as usize % 4)?;
+    Some(Container::of_sizes(*kind, [0.27, 0.25, 0.03, 0.004, 0.1]))
 }
 
 fn object(scene_id: u64, object_id: u32, grid: &Grid, draw: &mut Stream) -> ObjectRecord {
@@ -165,7 +173,7 @@ fn attempt(
         hit_object_id: match hit {
             Some(HitKind::Target) => Some(target.object_id),
             Some(HitKind::Other) => other,
-            Some(HitKind::Table) | None => None,
+            Some(HitKind::Table | HitKind::Container) | None => None,
         },
         width_m,
     }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use generator::{ContainerParams, draw_container};
 use program::Failure;
 use report::document::{Block, Drawing, Picture};
 use report::picture::{Hand, Scene, svg};
@@ -21,7 +22,9 @@ const FAILURES_SHOWN: usize = 8;
 /// What scenes stand on, and the shapes that a catalogue's objects have.
 #[derive(Debug)]
 pub(super) struct Stage {
-    table_z_m: f32,
+    grid: Grid,
+    /// What the objects of a round lie in: drawn again, as when it was played.
+    container: Vec<ContainerParams>,
     bodies: BTreeMap<String, Vec<Polyhedron>>,
 }
 
@@ -29,6 +32,15 @@ pub(super) struct Stage {
 #[derive(Deserialize)]
 struct Conditions {
     table_z_m: f32,
+    #[serde(default = "planners_size_m")]
+    size_m: f32,
+    #[serde(default)]
+    container: serde_json::Value,
+}
+
+/// Of runs from before it was told.
+fn planners_size_m() -> f32 {
+    Grid::PAPER.size_m
 }
 
 /// A body in `bodies.json`.
@@ -45,11 +57,27 @@ struct PartCorners {
 impl Stage {
     /// Reads `run.json` and `bodies.json`; `None` without the first.
     pub(super) fn read(folder: &Path) -> Result<Option<Self>, Failure> {
-        let Some(Conditions { table_z_m }) = json(&folder.join("run.json"))? else { return Ok(None) };
+        let Some(Conditions { table_z_m, size_m, container }) = json(&folder.join("run.json"))? else {
+            return Ok(None);
+        };
+        let grid = Grid { table_z_m, ..Grid::PAPER.over(size_m) };
+        let container = settings::read_stored(&container, "container").unwrap_or_default();
         let parts: BTreeMap<String, Parts> = json(&folder.join("bodies.json"))?.unwrap_or_default();
         // Corners without a volume have no hull; no run writes such.
         let hulls = |of: Parts| of.parts.iter().filter_map(|part| Polyhedron::hull_of(&part.vertices_m).ok()).collect();
-        Ok(Some(Self { table_z_m, bodies: parts.into_iter().map(|(name, parts)| (name, hulls(parts))).collect() }))
+        Ok(Some(Self {
+            grid,
+            container,
+            bodies: parts.into_iter().map(|(name, parts)| (name, hulls(parts))).collect(),
+        }))
+    }
+}
+
+impl Stage {
+    /// What stands on the table in a round.
+    fn fixtures(&self, round: &Round) -> Vec<Polyhedron> {
+        let container = draw_container(&self.container, round.seed, round.scene_id);
+        container.filter(|it| it.check(&self.grid).is_ok()).map_or_else(Vec::new, |it| it.parts(&self.grid))
     }
 }
 
@@ -84,7 +112,7 @@ fn round_picture(stage: &Stage, round: &Round) -> Picture {
     let held = attempts.iter().filter(|attempt| attempt.outcome == Outcome::Held).count();
     let grasps = attempts.len();
     Picture::new(
-        Drawing::Svg(picture(stage, &attempts[0], attempts)),
+        Drawing::Svg(picture(stage, round, &attempts[0], attempts)),
         format!("Round {number}: {}", ending.name()),
         format!(
             "{held} of {grasps} grasps held, {removed_count} of {object_count} objects removed; seed {seed}, scene {scene_id}, {group}"
@@ -99,7 +127,7 @@ fn failures(stage: &Stage, rounds: &[Round]) -> Vec<Picture> {
         let attempt = &round.attempts[number];
         let hit = attempt.hit.map_or_else(String::new, |hit| format!(", hit {}", hit.name()));
         Picture::new(
-            Drawing::Svg(picture(stage, attempt, std::slice::from_ref(attempt))),
+            Drawing::Svg(picture(stage, round, attempt, std::slice::from_ref(attempt))),
             format!("Round {}, grasp {number}: {}", round.round, attempt.outcome.name()),
             format!("aimed at {}, quality {:.2}{hit}", attempt.target(), attempt.quality),
         )
@@ -109,7 +137,7 @@ fn failures(stage: &Stage, rounds: &[Round]) -> Vec<Picture> {
 }
 
 /// What lay there before a grasp, and hands.
-fn picture(stage: &Stage, before: &Attempt, attempts: &[Attempt]) -> String {
+fn picture(stage: &Stage, round: &Round, before: &Attempt, attempts: &[Attempt]) -> String {
     let hand = |attempt: &Attempt| Hand {
         workspace_from_grasp: attempt.workspace_from_grasp,
         width_m: attempt.width_m,
@@ -120,8 +148,9 @@ fn picture(stage: &Stage, before: &Attempt, attempts: &[Attempt]) -> String {
     let objects = before.objects.iter().enumerate();
     svg(&Scene {
         size_m: Grid::PAPER.size_m, // the planner's
-        table_z_m: stage.table_z_m,
+        table_z_m: stage.grid.table_z_m,
         bodies: objects.flat_map(|(id, object)| body(stage, object).into_iter().map(move |part| (part, id))).collect(),
+        fixtures: stage.fixtures(round),
         hands: attempts.iter().map(hand).collect(),
     })
 }

@@ -178,8 +178,8 @@ fn dropped_objects_come_to_rest() {
         let Config { objects, settle: params, .. } = config(counts);
         let params: SettleParams = params;
         for scene in 0..scenes {
-            let drops = draw_drops(&objects, &grid, f32::INFINITY, 7, scene, 0);
-            rejected += u32::from(settle(&physics, &params, &grid, &drops).is_err());
+            let drops = draw_drops(&objects, (&grid, [grid.size_m; 2]), f32::INFINITY, 7, scene, 0);
+            rejected += u32::from(settle(&physics, &params, &grid, &[], &drops).is_err());
         }
     }
     assert!(rejected <= 4, "{rejected} of 150");

@@ -1,6 +1,6 @@
 //! Solids, hands, tables and cameras as bodies and lines of a view.
 
-use schema::{Gripper, HandBox, Intrinsics, ObjectRecord, Polyhedron, Pose, Vec3};
+use schema::{Grid, Gripper, HandBox, Intrinsics, ObjectRecord, Polyhedron, Pose, SceneRecord, Vec3};
 
 use super::{Body, Class, Line, flat, flat_points};
 
@@ -41,6 +41,19 @@ impl Body {
         );
         let parts = object.shape.parts().into_iter();
         parts.map(|part| Self::of_part(class, label.clone(), &part, &[object.workspace_from_object])).collect()
+    }
+
+    /// The container of a scene, a body for each part; none where the objects lie on the bare table.
+    #[must_use]
+    pub fn of_container(scene: &SceneRecord, grid: &Grid) -> Vec<Self> {
+        let Some(container) = scene.container else { return Vec::new() };
+        let [x_mm, y_mm, height_mm, thickness_mm, _] = container.sizes().map(|size_m| size_m * 1000.0);
+        let label = format!(
+            "{}\n{x_mm:.0} × {y_mm:.0} mm inside, walls {height_mm:.0} mm high and {thickness_mm:.1} mm thick",
+            container.kind.name()
+        );
+        let part = |part: &Polyhedron| Self::of_part(Class::Container, label.clone(), part, &[Pose::IDENTITY]);
+        container.parts(grid).iter().map(part).collect()
     }
 
     /// An axis-parallel box in its frame.

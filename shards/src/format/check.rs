@@ -64,6 +64,10 @@ pub(crate) fn scene_head(scene: &SceneRecord, info: &DatasetInfo) -> Checked {
     must((1..=VIEWS_MAX).contains(&scene.views.len()), || {
         format!("a scene must have between 1 and {VIEWS_MAX} views, got {}", scene.views.len())
     })?;
+    must(scene.container.is_none() || info.has_containers(), || {
+        "a scene must have no container where the config has none".to_owned()
+    })?;
+    scene.container.map_or(Ok(()), |container| container.check(&info.grid)).map_err(|e| e.to_string())?;
     scene.views.iter().try_for_each(view)
 }
 
@@ -148,10 +152,10 @@ fn hit(name: &str, attempt: &AttemptRecord) -> Checked {
         format!("{name} hit must be {} for {}", if collides { "there" } else { "absent" }, outcome.name())
     })?;
     must(!(outcome == Outcome::HitOther && hit == Some(HitKind::Target)), || {
-        format!("{name} hit must be other or table for hit_other, got target")
+        format!("{name} hit must not be target for hit_other")
     })?;
     let fits = match hit {
-        None | Some(HitKind::Table) => hit_object_id.is_none(),
+        None | Some(HitKind::Table | HitKind::Container) => hit_object_id.is_none(),
         Some(HitKind::Target) => hit_object_id == Some(object_id),
         Some(HitKind::Other) => hit_object_id.is_some_and(|id| id != object_id),
     };
@@ -185,6 +189,9 @@ fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[AttemptRecor
         must(target.shape.shape() == attempt.rule.shape, || {
             let (rule, shape) = (attempt.rule.name(), target.shape.name());
             format!("attempt {expected} has rule {rule} for a {shape}")
+        })?;
+        must(attempt.hit != Some(HitKind::Container) || scene.container.is_some(), || {
+            format!("attempt {expected} hit a container that is not there")
         })?;
         must(attempt.hit_object_id.is_none_or(|id| (id as usize) < objects.len()), || {
             format!(

@@ -113,12 +113,32 @@ const SCENES: &[Column] = &[
         Kind::Voxels,
         "Truncated signed distance as tsdf[x][y][z]: (tsdf + 1) / 2 where observed and |tsdf| < 0.98, else 0",
     ),
-    // The last, so that tables without it are the others.
-    column(GRIPPER, Kind::Name, "The hand of the scene's attempts; its dimensions: `grippers` of `meta/info.json`"),
 ];
 
-/// The column of `scenes` that is there only where a dataset has several hands.
+// What follows are the last columns of their table, so that tables without them are the others.
+/// Columns of `scenes` that are there only where a dataset has several hands.
+const OF_HANDS: &[Column] =
+    &[column(GRIPPER, Kind::Name, "The hand of the scene's attempts; its dimensions: `grippers` of `meta/info.json`")];
+
 pub(crate) const GRIPPER: &str = "gripper";
+
+/// Columns of `scenes` that are there only where a dataset has containers.
+const OF_CONTAINERS: &[Column] = &[
+    nullable(
+        CONTAINER,
+        Kind::Name,
+        "What the objects lie in: bin, tray or shelf; null for the bare table. It may also be a `hit`",
+    ),
+    nullable(CONTAINER_SIZES[0], Kind::F32, "Length along x between the upper edges of its walls"),
+    nullable(CONTAINER_SIZES[1], Kind::F32, "Length along y between the upper edges of its walls"),
+    nullable(CONTAINER_SIZES[2], Kind::F32, "Height of its walls above the table; a shelf's board lies on them"),
+    nullable(CONTAINER_SIZES[3], Kind::F32, "Thickness of its walls and board"),
+    nullable(CONTAINER_SIZES[4], Kind::F32, "How far its walls lean outwards, from the vertical"),
+];
+
+pub(crate) const CONTAINER: &str = "container";
+pub(crate) const CONTAINER_SIZES: [&str; 5] =
+    ["container_x_m", "container_y_m", "container_height_m", "container_thickness_m", "container_slope_rad"];
 
 /// What the columns of a dataset's tables depend on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,11 +147,13 @@ pub struct Form {
     pub resolution: usize,
     /// Whether there are several hands.
     pub has_hands: bool,
+    /// Whether there are containers.
+    pub has_containers: bool,
 }
 
 impl Form {
     /// For tables whose columns depend on nothing.
-    pub(crate) const ANY: Self = Self { resolution: 0, has_hands: false };
+    pub(crate) const ANY: Self = Self { resolution: 0, has_hands: false, has_containers: false };
 }
 
 const OBJECTS: &[Column] = &[
@@ -158,13 +180,16 @@ const ELEMENT: &str = "element";
 
 impl Table {
     /// Its columns, in the order on disk.
-    pub(crate) fn columns(self, form: Form) -> &'static [Column] {
-        match self {
-            Self::Attempts => ATTEMPTS,
-            Self::Scenes if form.has_hands => SCENES,
-            Self::Scenes => &SCENES[..SCENES.len() - 1],
-            Self::Objects => OBJECTS,
-        }
+    pub(crate) fn columns(self, form: Form) -> Vec<&'static Column> {
+        let none: &[Column] = &[];
+        let [all, of_hands, of_containers] = match self {
+            Self::Attempts => [ATTEMPTS, none, none],
+            Self::Scenes => [SCENES, OF_HANDS, OF_CONTAINERS],
+            Self::Objects => [OBJECTS, none, none],
+        };
+        let hands = of_hands.iter().filter(|_| form.has_hands);
+        let containers = of_containers.iter().filter(|_| form.has_containers);
+        all.iter().chain(hands).chain(containers).collect()
     }
 
     /// Its Arrow schema, each field with its meaning as metadata.
@@ -183,7 +208,7 @@ impl Table {
     /// Its columns as a table, for the card and the reference.
     #[must_use]
     pub fn described(self, form: Form) -> document::Table {
-        let rows = self.columns(form).iter().map(|column| {
+        let rows = self.columns(form).into_iter().map(|column| {
             let null = if column.nullable { ", nullable" } else { "" };
             let kind = column.kind.describe(form.resolution);
             vec![format!("`{}`", column.name).into(), format!("{kind}{null}").into(), column.doc.into()]
@@ -251,7 +276,7 @@ pub(crate) fn float_leaves(column: &Column) -> Vec<Vec<String>> {
 mod tests {
     use super::*;
 
-    const FORM: Form = Form { resolution: 40, has_hands: true };
+    const FORM: Form = Form { resolution: 40, has_hands: true, has_containers: true };
 
     #[test]
     fn names_are_snake_case_and_unique_within_a_table() {
@@ -285,7 +310,7 @@ mod tests {
             let schema = table.arrow_schema(Form { resolution: 4, ..FORM });
             let parquet = parquet::arrow::ArrowSchemaConverter::new().convert(&schema).unwrap();
             let leaves: Vec<&[String]> = parquet.columns().iter().map(|c| c.path().parts()).collect();
-            for path in table.columns(FORM).iter().flat_map(float_leaves) {
+            for path in table.columns(FORM).into_iter().flat_map(float_leaves) {
                 assert!(leaves.contains(&path.as_slice()), "{path:?} is not among {leaves:?}");
             }
         }

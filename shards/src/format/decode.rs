@@ -7,13 +7,13 @@ use arrow::cast::AsArray;
 use arrow::types::{Float32Type, Int32Type, Int64Type, UInt8Type};
 use arrow::{Array, ArrayRef, ArrowPrimitiveType, PrimitiveArray, RecordBatch, StringArray};
 use schema::{
-    Approach, AttemptRecord, HitKind, Model, ObjectRecord, ObjectShape, Outcome, Pose, Quat, Rule, SceneRecord,
-    SceneRejections, Shape, Solid, Vec3, View, pose_from_parts,
+    Approach, AttemptRecord, Container, ContainerKind, HitKind, Model, ObjectRecord, ObjectShape, Outcome, Pose, Quat,
+    Rule, SceneRecord, SceneRejections, Shape, Solid, Vec3, View, pose_from_parts,
 };
 
 use crate::DatasetInfo;
 use crate::format::check::is_volume;
-use crate::format::column::GRIPPER;
+use crate::format::column::{CONTAINER, CONTAINER_SIZES, GRIPPER};
 
 type Decoded<T> = Result<T, String>;
 
@@ -131,6 +131,7 @@ pub(crate) fn scenes(batch: &RecordBatch, info: &DatasetInfo) -> Decoded<Vec<Sce
             }
         }
     }
+    let containers = if info.form().has_containers { columns.containers()? } else { vec![None; batch.num_rows()] };
     (0..batch.num_rows())
         .map(|row| {
             Ok(SceneRecord {
@@ -142,6 +143,7 @@ pub(crate) fn scenes(batch: &RecordBatch, info: &DatasetInfo) -> Decoded<Vec<Sce
                 rejections: SceneRejections { unsettled: unsettled[row], empty: empty[row], unstable: unstable[row] },
                 views: view_list(&views.value(row))?,
                 tsdf: if has_tsdf { columns.voxels("tsdf", row)? } else { Vec::new() },
+                container: containers[row],
             })
         })
         .collect()
@@ -208,6 +210,19 @@ impl<'a> Columns<'a> {
         let (qx, qy, qz, qw) = (self.f32s("qx")?, self.f32s("qy")?, self.f32s("qz")?, self.f32s("qw")?);
         let pose = |i: usize| pose_from_parts(Quat::from_xyzw(qx[i], qy[i], qz[i], qw[i]), Vec3::new(x[i], y[i], z[i]));
         Ok((0..self.0.num_rows()).map(pose).collect())
+    }
+
+    fn containers(&self) -> Decoded<Vec<Option<Container>>> {
+        let kinds = self.names_or_null(CONTAINER, ContainerKind::from_name)?;
+        let sizes = CONTAINER_SIZES.map(|name| self.numbers::<Float32Type>(name));
+        let sizes: Vec<&PrimitiveArray<Float32Type>> = sizes.into_iter().collect::<Decoded<_>>()?;
+        let container = |(row, kind): (usize, &Option<ContainerKind>)| {
+            if sizes.iter().any(|column| column.is_valid(row) != kind.is_some()) {
+                return Err(format!("the sizes of a container must be there if and only if it is, row {row}"));
+            }
+            Ok(kind.map(|kind| Container::of_sizes(kind, core::array::from_fn(|size| sizes[size].value(row)))))
+        };
+        kinds.iter().enumerate().map(container).collect()
     }
 
     fn voxels(&self, name: &str, row: usize) -> Decoded<Vec<f32>> {

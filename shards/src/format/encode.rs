@@ -11,7 +11,8 @@ use arrow::{
 use arrow_buffer::OffsetBuffer;
 use arrow_schema::ArrowError;
 use schema::{
-    Approach, AttemptRecord, Axis, HitKind, Model, ObjectRecord, Outcome, Pose, Rule, SceneRecord, Shape, View,
+    Approach, AttemptRecord, Axis, ContainerKind, HitKind, Model, ObjectRecord, Outcome, Pose, Rule, SceneRecord,
+    Shape, View,
 };
 
 use crate::format::column::{Form, element, view_fields, voxel_type};
@@ -19,8 +20,9 @@ use crate::{DatasetInfo, Table};
 
 type Encoded<T> = Result<T, ArrowError>;
 
-/// The `attempts` table of a dataset with these models.
-pub(crate) fn attempts(rows: &[AttemptRecord], models: &[Arc<Model>]) -> Encoded<RecordBatch> {
+/// The `attempts` table of a dataset.
+pub(crate) fn attempts(rows: &[AttemptRecord], info: &DatasetInfo) -> Encoded<RecordBatch> {
+    let models = &info.models;
     // Names of what goes beyond Appendix A are only in the dictionaries of such datasets, so others keep their bytes.
     let last = rows.iter().map(|r| r.rule.approach.index()).max().unwrap_or_default().max(Axis::Z as usize);
     let vocabulary = Approach::ALL[..=last].iter().map(|approach| approach.name()).collect::<Vec<_>>();
@@ -28,6 +30,9 @@ pub(crate) fn attempts(rows: &[AttemptRecord], models: &[Arc<Model>]) -> Encoded
     // The models' name of the last approach is there only where there are models.
     let rule_count = 12 + 5 * (last - Axis::Z as usize) - usize::from(last > Axis::Z as usize && models.is_empty());
     let rule_names: Vec<&str> = Rule::all().take(rule_count).map(Rule::name).collect();
+    let mut hits: Vec<HitKind> = HitKind::ALL.into();
+    hits.retain(|hit| *hit != HitKind::Container || info.has_containers());
+    let hits: Vec<&str> = hits.into_iter().map(HitKind::name).collect();
     let mut columns = vec![
         i64s(rows.iter().map(|r| r.scene_id))?,
         i32s(rows.iter().map(|r| r.attempt_id))?,
@@ -45,7 +50,7 @@ pub(crate) fn attempts(rows: &[AttemptRecord], models: &[Arc<Model>]) -> Encoded
     columns.extend(pose(rows, |r| &r.workspace_from_grasp));
     columns.extend([
         names(&Outcome::ALL.map(Outcome::name), rows.iter().map(|r| Some(r.outcome as usize)))?,
-        names(&HitKind::ALL.map(HitKind::name), rows.iter().map(|r| r.hit.map(|hit| hit as usize)))?,
+        names(&hits, rows.iter().map(|r| r.hit.map(|hit| hit as usize)))?,
         Arc::new(Int32Array::from(
             rows.iter().map(|r| r.hit_object_id.map(to_i32).transpose()).collect::<Encoded<Vec<_>>>()?,
         )),
@@ -92,6 +97,15 @@ pub(crate) fn scenes(rows: &[SceneRecord], info: &DatasetInfo) -> Encoded<Record
         let vocabulary: Vec<&str> = hands.iter().map(|hand| hand.name.as_str()).collect();
         let of_scene = |row: &SceneRecord| (row.scene_id % hands.len() as u64) as usize;
         columns.push(names(&vocabulary, rows.iter().map(|row| Some(of_scene(row))))?);
+    }
+    if form.has_containers {
+        let containers = || rows.iter().map(|row| row.container);
+        let kinds = containers().map(|container| container.map(|it| it.kind as usize));
+        columns.push(names(&ContainerKind::ALL.map(ContainerKind::name), kinds)?);
+        columns.extend((0..5).map(|size| -> ArrayRef {
+            let sizes = containers().map(|container| container.map(|it| it.sizes()[size]));
+            Arc::new(Float32Array::from_iter(sizes))
+        }));
     }
     RecordBatch::try_new(Table::Scenes.arrow_schema(form), columns)
 }

@@ -156,7 +156,7 @@ impl<'a> Frame<'a> {
         must(names(expected) == names(found), || {
             format!("columns must be {:?}, got {:?}", names(expected), names(found))
         })?;
-        let mut fields = table.columns(form).iter().zip(expected.get_fields().iter().zip(found.get_fields()));
+        let mut fields = table.columns(form).into_iter().zip(expected.get_fields().iter().zip(found.get_fields()));
         let other = fields.find(|(_, (expected, found))| expected != found);
         let Some((column, _)) = other else { return Ok(()) };
         let null = if column.nullable { " or null" } else { "" };

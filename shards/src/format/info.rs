@@ -151,17 +151,28 @@ impl DatasetInfo {
     /// What its tables' columns depend on.
     #[must_use]
     pub fn form(&self) -> Form {
-        Form { resolution: self.grid.resolution, has_hands: !self.grippers.is_empty() }
+        Form {
+            resolution: self.grid.resolution,
+            has_hands: !self.grippers.is_empty(),
+            has_containers: self.has_containers(),
+        }
     }
 
     /// The lowest version that describes it.
     #[must_use]
     pub fn version(&self) -> FormatVersion {
-        match (self.grippers.is_empty(), self.models.is_empty()) {
-            (false, _) => FormatVersion::HANDS,
-            (true, false) => FormatVersion::MODELS,
-            (true, true) => FormatVersion::CURRENT,
+        match (self.has_containers(), self.grippers.is_empty(), self.models.is_empty()) {
+            (true, ..) => FormatVersion::CONTAINERS,
+            (false, false, _) => FormatVersion::HANDS,
+            (false, true, false) => FormatVersion::MODELS,
+            (false, true, true) => FormatVersion::CURRENT,
         }
+    }
+
+    /// Whether its scenes may have containers: its config says which.
+    #[must_use]
+    pub fn has_containers(&self) -> bool {
+        self.config.get("container").is_some()
     }
 
     /// The values out of range, one message each.
@@ -410,8 +421,8 @@ mod tests {
 
     #[test]
     fn a_newer_file_is_refused_by_its_version_not_its_keys() {
-        let text = "{\"format_version\": 4, \"brand_new\": true}";
+        let text = "{\"format_version\": 5, \"brand_new\": true}";
         let told = DatasetInfo::from_json(text).unwrap_err();
-        assert_eq!(told, "format_version must be between 1 and 3, got 4; read it with a newer graspmill");
+        assert_eq!(told, "format_version must be between 1 and 4, got 5; read it with a newer graspmill");
     }
 }

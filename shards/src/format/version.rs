@@ -15,8 +15,10 @@ impl FormatVersion {
     pub const MODELS: Self = Self(2);
     /// The version of datasets with several hands: `meta/info.json` has `grippers`, and `scenes` the column `gripper`.
     pub const HANDS: Self = Self(3);
+    /// The version of datasets with containers: `scenes` has their columns, and `hit` may be `container`.
+    pub const CONTAINERS: Self = Self(4);
     /// The newest version that this program reads.
-    pub const NEWEST: Self = Self::HANDS;
+    pub const NEWEST: Self = Self::CONTAINERS;
     /// The oldest version that this program reads.
     pub const OLDEST: Self = Self(1);
 
@@ -55,8 +57,9 @@ mod tests {
         assert!(FormatVersion::CURRENT.check_readable().is_ok());
         assert!(FormatVersion::MODELS.check_readable().is_ok());
         assert!(FormatVersion::HANDS.check_readable().is_ok());
+        assert!(FormatVersion::CONTAINERS.check_readable().is_ok());
         let future = FormatVersion::new(FormatVersion::NEWEST.number() + 1).check_readable().unwrap_err();
-        assert_eq!(future, "format_version must be between 1 and 3, got 4; read it with a newer graspmill");
+        assert_eq!(future, "format_version must be between 1 and 4, got 5; read it with a newer graspmill");
         assert!(FormatVersion::new(0).check_readable().is_err());
     }
 }

@@ -49,7 +49,7 @@ impl Batches {
                 Some(group) => group..group + 1,
                 None => 0..frame.groups(),
             };
-            let columns = expected.table.columns(expected.form).iter().enumerate();
+            let columns = expected.table.columns(expected.form).into_iter().enumerate();
             let kept: Vec<usize> =
                 columns.filter(|(_, c)| Some(c.name) != part.without).map(|(column, _)| column).collect();
             let is_skipping = part.row_group.is_some() || part.rows.is_some();

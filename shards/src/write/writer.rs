@@ -93,7 +93,7 @@ impl ShardWriter {
     fn write_batch(&mut self, ends_row_group: bool) -> Result<(), Failure> {
         let made = |table, batch: Result<_, arrow_schema::ArrowError>| batch.map_err(|e| unwritten(table, &e));
         if !self.grids.1.is_empty() {
-            self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1, &self.info.models))?)?;
+            self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1, &self.info))?)?;
             self.objects.0.write(&made(Table::Objects, encode::objects(&self.objects.1, &self.info.models))?)?;
             self.grids.0.write(&made(Table::Scenes, encode::scenes(&self.grids.1, &self.info))?)?;
         }

@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "what a test cannot unwrap has failed it")]
 
 mod commit;
+mod containers;
 mod damage;
 #[path = "../../../tests/support/disk.rs"]
 mod disk;

@@ -10,7 +10,8 @@ use crate::hand::{GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M};
 pub(super) struct Jaws {
     /// As when the hand is open and at the origin.
     boxes: [HandBox; 3],
-    half_opening_m: f32,
+    /// How far each finger can close.
+    closed_m_max: [f32; 2],
     closing_speed_m_s: f32,
     force_n: f32,
     palm_m: Vec3,
@@ -39,8 +40,9 @@ struct Finger {
 }
 
 impl Jaws {
-    /// A hand at the origin, its fingers closed by `closed_m` each, and closing if that is above 0.
-    pub(super) fn new(gripper: &Gripper, closed_m: f32) -> Self {
+    /// A hand at the origin, its fingers closed by `closed_m` each, and closing if that is above 0; they end at
+    /// `closed_m_max`.
+    pub(super) fn new(gripper: &Gripper, closed_m: f32, closed_m_max: [f32; 2]) -> Self {
         let [left, right] = gripper.fingers(gripper.opening_m_max);
         let speed_m_s = if closed_m > 0.0 { gripper.closing_speed_m_s } else { 0.0 };
         let finger = |(opened, inward): (HandBox, f32)| Finger {
@@ -53,7 +55,7 @@ impl Jaws {
         };
         Self {
             boxes: [left, right, gripper.palm()],
-            half_opening_m: 0.5 * gripper.opening_m_max,
+            closed_m_max,
             closing_speed_m_s: gripper.closing_speed_m_s,
             force_n: gripper.finger_force_n,
             palm_m: Vec3::ZERO,
@@ -71,7 +73,7 @@ impl Jaws {
         let finger = Finger { inward: 1.0, y_m: 1e6, velocity_m_s: 0.0, way_m: 0.0, impulse: 0.0, travel_m: 0.0 };
         Self {
             boxes: [point; 3],
-            half_opening_m: 0.0,
+            closed_m_max: [0.0; 2],
             closing_speed_m_s: 0.0,
             force_n: 0.0,
             palm_m: Vec3::ZERO,
@@ -179,7 +181,7 @@ impl Jaws {
             let driven_m_s = speed_m_s + (impulse - finger.impulse) * inverse_mass;
             finger.impulse = impulse;
             let slowest = -travel_m.max(0.0) / substep_s;
-            let fastest = (self.half_opening_m - travel_m).max(0.0) / substep_s;
+            let fastest = (self.closed_m_max[i] - travel_m).max(0.0) / substep_s;
             let change_m_s = driven_m_s.clamp(slowest, fastest) - speed_m_s;
             finger.velocity_m_s += change_m_s * finger.inward;
         }

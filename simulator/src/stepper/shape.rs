@@ -6,11 +6,28 @@ use wide::f32x4;
 use crate::engine::{EngineBody, UNITS_PER_M};
 use crate::{Body, PartShape, SceneObject};
 
+/// What a stepper moves, and what stands in its way beside the table.
+pub(crate) struct Things {
+    pub(super) moving: Vec<Thing>,
+    /// In the workspace.
+    pub(super) fixtures: Vec<Part>,
+}
+
+impl Things {
+    /// Objects and fixtures of a scene.
+    pub(crate) fn of(objects: &[SceneObject], fixtures: &[Polyhedron]) -> Self {
+        Self {
+            moving: objects.iter().map(Thing::of).collect(),
+            fixtures: fixtures.iter().map(|fixture| Part::new(fixture, false)).collect(),
+        }
+    }
+}
+
 /// One coordinate each of four points or normals.
 pub(super) type Wide3 = [f32x4; 3];
 
 /// An object, in its own frame.
-pub(crate) struct Thing {
+pub(super) struct Thing {
     pub(super) parts: Vec<Part>,
     pub(super) mass_kg: f32,
     pub(super) friction: f32,
@@ -22,7 +39,7 @@ pub(crate) struct Thing {
     pub(super) root_inverse_inertia: Vec3,
     /// From the principal axes to the object's.
     pub(super) principal: Quat,
-    pub(crate) workspace_from_object: Pose,
+    pub(super) workspace_from_object: Pose,
 }
 
 /// A convex part.
@@ -64,7 +81,7 @@ pub(super) struct FaceOf {
 
 impl Thing {
     /// An object; its mass properties are rapier's.
-    pub(crate) fn of(object: &SceneObject) -> Self {
+    pub(super) fn of(object: &SceneObject) -> Self {
         let SceneObject { body, mass_kg, friction, workspace_from_object } = object;
         let mass = EngineBody::new(body, *mass_kg, *friction).mass_properties;
         let units = UNITS_PER_M;

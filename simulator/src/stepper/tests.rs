@@ -5,7 +5,7 @@ use schema::{Gripper, Physics, Pose, Procedure, Purpose, Quat, ShapeKind, Solid,
 use wide::f32x4;
 
 use super::patch::{Frame, PREDICTION_M, Scratch, between, on_box, on_plane};
-use super::shape::{Part, Thing};
+use super::shape::{Part, Thing, Things};
 use super::{Body, Stepper};
 use crate::bodies::Bodies;
 use crate::engine::UNITS_PER_M;
@@ -27,11 +27,15 @@ fn thing(kind: ShapeKind, extents_m: Vec3, mass_kg: f32, friction: f32, pose: Po
     Thing::of(&SceneObject { body, mass_kg, friction, workspace_from_object: pose })
 }
 
+fn alone(moving: Vec<Thing>) -> Things {
+    Things { moving, fixtures: Vec::new() }
+}
+
 /// Things on the table, each with a velocity and an angular velocity, and a hand far above them. The axes are the
 /// workspace's.
-fn stepper<'a>(physics: &Physics, things: &'a [Thing], motions: &[[Vec3; 2]]) -> Stepper<'a> {
+fn stepper<'a>(physics: &Physics, things: &'a Things, motions: &[[Vec3; 2]]) -> Stepper<'a> {
     let hand_at = Pose::from_translation(Vec3::new(0.0, 0.0, 10.0));
-    let mut stepper = Stepper::new(physics, &gripper(), things, TABLE_Z_M, &hand_at, 0.0, true);
+    let mut stepper = Stepper::new(physics, &gripper(), things, TABLE_Z_M, &hand_at, (0.0, [0.04; 2]), true);
     for (body, [velocity_m_s, spin_rad_s]) in stepper.bodies.iter_mut().zip(motions) {
         (body.velocity_m_s, body.spin_rad_s) = (*velocity_m_s, *spin_rad_s);
     }
@@ -45,7 +49,8 @@ fn upright(x_m: f32, height_m: f32) -> Pose {
 #[test]
 fn a_block_slides_as_far_as_coulomb_says() {
     for (friction, speed_m_s) in [(0.2, 0.3), (0.5, 0.5), (0.5, 1.0), (1.0, 1.0)] {
-        let things = [thing(ShapeKind::Cuboid, Vec3::new(0.06, 0.06, 0.02), 0.3, friction, upright(0.0, 0.02))];
+        let things =
+            alone(vec![thing(ShapeKind::Cuboid, Vec3::new(0.06, 0.06, 0.02), 0.3, friction, upright(0.0, 0.02))]);
         let mut stepper = stepper(&PHYSICS, &things, &[[Vec3::X * speed_m_s, Vec3::ZERO]]);
         let from = stepper.pose(0).translation;
         for _ in 0..480 {
@@ -69,7 +74,7 @@ fn a_leaning_block_falls_to_the_side_of_its_weight() {
         // It stands on the edge that it leans over.
         let edge = rotation * Vec3::new(0.5 * extents_m.x, 0.0, -0.5 * extents_m.z);
         let pose = Pose::from_parts(Vec3::new(0.0, 0.0, TABLE_Z_M - edge.z), rotation);
-        let things = [thing(ShapeKind::Cuboid, extents_m, 0.2, 1.0, pose)];
+        let things = alone(vec![thing(ShapeKind::Cuboid, extents_m, 0.2, 1.0, pose)]);
         let mut stepper = stepper(&PHYSICS, &things, &[[Vec3::ZERO; 2]]);
         for _ in 0..720 {
             stepper.step();
@@ -85,7 +90,7 @@ fn what_meets_head_on_goes_on_together() {
     let still = Physics { gravity_m_s2: 0.0, ..PHYSICS };
     let at = |x_m: f32| Pose::from_translation(Vec3::new(x_m, 0.0, 1.0));
     let cube = |mass_kg: f32, x_m: f32| thing(ShapeKind::Cuboid, Vec3::splat(0.05), mass_kg, 1.0, at(x_m));
-    let things = [cube(0.1, -0.06), cube(0.3, 0.0)];
+    let things = alone(vec![cube(0.1, -0.06), cube(0.3, 0.0)]);
     let mut stepper = stepper(&still, &things, &[[Vec3::X, Vec3::ZERO], [Vec3::ZERO; 2]]);
     for _ in 0..24 {
         stepper.step();
@@ -98,7 +103,7 @@ fn what_meets_head_on_goes_on_together() {
 }
 
 /// Energy of motion and height, in joules.
-fn energy_j(stepper: &Stepper<'_>, things: &[Thing]) -> f32 {
+fn energy_j(stepper: &Stepper<'_>, things: &Things) -> f32 {
     let of = |(body, thing): (&Body, &Thing)| {
         let turn: f32 = (0..3)
             .map(|i| {
@@ -109,7 +114,7 @@ fn energy_j(stepper: &Stepper<'_>, things: &[Thing]) -> f32 {
         let motion = 0.5 * (thing.mass_kg * body.velocity_m_s.length_squared() + turn);
         motion + thing.mass_kg * GRAVITY_M_S2 * (body.answer.centre_m.z - stepper.planes[0].offset_m)
     };
-    stepper.bodies.iter().zip(things).map(of).sum()
+    stepper.bodies.iter().zip(&things.moving).map(of).sum()
 }
 
 #[test]
@@ -121,13 +126,14 @@ fn energy_never_grows() {
             ShapeKind::HalfCylinder => Vec3::new(0.05, 0.06, 0.03),
             _ => Vec3::new(0.04, 0.05, 0.07),
         };
-        let things: Vec<Thing> = (0..3)
+        let moving: Vec<Thing> = (0..3)
             .map(|i| {
                 let kind = ShapeKind::ALL[(case + i) % 4];
                 let at = Vec3::new(0.0, 0.03 * i as f32, TABLE_Z_M + 0.06 + 0.1 * i as f32);
                 thing(kind, extents(kind), 0.1, 0.6, Pose::from_parts(at, stream.rotation()))
             })
             .collect();
+        let things = alone(moving);
         let motions: Vec<[Vec3; 2]> = (0..3)
             .map(|_| {
                 let spin = stream.point(Vec3::splat(-5.0), Vec3::splat(5.0));
@@ -169,7 +175,7 @@ fn the_lift_s_limit_is_coulomb_s() {
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.04, 0.04, 0.06)).unwrap();
         let workspace_from_object = Pose::from_parts(at, Quat::IDENTITY);
         let block = SceneObject { body: solid.into(), mass_kg, friction, workspace_from_object };
-        let scene = Scene { table_z_m: TABLE_Z_M, objects: vec![block] };
+        let scene = Scene { table_z_m: TABLE_Z_M, fixtures: Vec::new(), objects: vec![block] };
         let procedure = Procedure { hold_time_s: 1.0, ..Procedure::PAPER };
         let end = AttemptWorld::new(&PHYSICS, &gripper, &procedure, &scene).execute(&grasp, 0);
         assert_eq!(end.outcome.name(), expected, "{mass_kg} kg, friction {friction}: {end:?}");
@@ -308,7 +314,7 @@ fn a_wobbling_cylinder_comes_to_rest() {
             Vec3::new(0.0, 0.0, TABLE_Z_M + 0.5 * extents_m.z + 0.021 * lean_rad),
             axis_angle(Vec3::X, lean_rad),
         );
-        let things = [thing(ShapeKind::Cylinder, extents_m, 0.07, 0.8, pose)];
+        let things = alone(vec![thing(ShapeKind::Cylinder, extents_m, 0.07, 0.8, pose)]);
         let mut stepper = stepper(&PHYSICS, &things, &[[Vec3::ZERO, Vec3::Y * 3.0]]);
         for _ in 0..480 {
             stepper.step();

@@ -28,8 +28,9 @@ impl Heaps {
         let params = SettleParams { solver_iterations, ..config.settle };
         let mut heaps = Self::default();
         for scene_id in 0..scenes {
-            let drops = draw_drops(&config.objects, &config.grid, f32::INFINITY, 9810, scene_id, 0);
-            match settle(&physics, &params, &config.grid, &drops) {
+            let drops =
+                draw_drops(&config.objects, (&config.grid, [config.grid.size_m; 2]), f32::INFINITY, 9810, scene_id, 0);
+            match settle(&physics, &params, &config.grid, &[], &drops) {
                 Ok(settled) => heaps.add(&settled),
                 Err(_) => heaps.rejected += 1,
             }

@@ -18,7 +18,7 @@ fn stored_rows_executed_again_end_the_same() {
     let hands = several.gripper.all();
     for (config, scene_id, hand) in [(&small(), 3, &hands[0]), (&several, 2, &hands[0]), (&several, 3, &hands[1])] {
         let rows = make_scene(config, scene_id, 60).unwrap();
-        let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, &[]);
+        let scene = Scene::from_records(config.grid.table_z_m, rows.scene.fixtures(&config.grid), &rows.objects, &[]);
         let world = AttemptWorld::new(&config.physics, hand, &config.procedure, &scene);
         for attempt in &rows.attempts {
             let again = world.execute(&attempt.workspace_from_grasp, attempt.object_id as usize);

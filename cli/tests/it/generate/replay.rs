@@ -98,7 +98,7 @@ fn stack(config: &Config, rows: &mut SceneRows) {
     };
     rows.objects = vec![object(0, [0.04, 0.04, 0.06], 0.08, 0.2), object(1, [0.04, 0.03, 0.01], 0.115, 0.03)];
     (rows.scene.object_count, rows.scene.dropped_count) = (2, 2);
-    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, &[]);
+    let scene = Scene::from_records(config.grid.table_z_m, rows.scene.fixtures(&config.grid), &rows.objects, &[]);
     let world = AttemptWorld::new(&config.physics, config.gripper.of_scene(0), &config.procedure, &scene);
     let above = Pose::from_parts(Vec3::new(0.15, 0.15, 0.085), axis_angle(Vec3::X, core::f32::consts::PI));
     let ended = world.execute(&above, 0);
