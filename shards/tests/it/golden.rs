@@ -1,8 +1,9 @@
-//! A dataset of format 1, as the first version wrote it. Every later version must read it, and must make the same
-//! bytes of the same rows until the format's version says otherwise.
+//! Datasets of formats 1 and 4, as the first versions wrote them. Every later version must read them, and must make the
+//! same bytes of the same rows until the format's version says otherwise.
 
 use std::path::{Path, PathBuf};
 
+use schema::{Container, ContainerKind};
 use shards::{Dataset, Draft, FormatVersion, verify};
 
 use crate::sample;
@@ -10,15 +11,15 @@ use crate::sample;
 /// The id of the dataset in `tests/data/format-1`, and so the digest of its info.
 const GOLDEN_ID: &str = "968dc1dab7446a90ed9c1d05dd6c11797e6a75bc473826ca5bcb7cd2cac93f4b";
 
-fn golden() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/format-1")
+fn golden(format: u32) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/data/format-{format}"))
 }
 
 #[test]
 fn a_dataset_of_format_1_is_read() {
-    let verified = verify(&golden(), |_| ()).unwrap();
+    let verified = verify(&golden(1), |_| ()).unwrap();
     assert!(verified.is_ok(), "{:?}", verified.problems);
-    let dataset = Dataset::open(&golden()).unwrap();
+    let dataset = Dataset::open(&golden(1)).unwrap();
     assert_eq!(dataset.info().format_version, FormatVersion::new(1));
     assert_eq!(dataset.manifest().dataset_id, GOLDEN_ID);
     let scene = dataset.read_scene(3).unwrap();
@@ -28,8 +29,25 @@ fn a_dataset_of_format_1_is_read() {
 }
 
 #[test]
-fn the_rows_of_format_1_make_the_bytes_of_format_1() {
-    let dataset = Dataset::open(&golden()).unwrap();
+fn a_dataset_of_format_4_is_read() {
+    let verified = verify(&golden(4), |_| ()).unwrap();
+    assert!(verified.is_ok(), "{:?}", verified.problems);
+    let dataset = Dataset::open(&golden(4)).unwrap();
+    assert_eq!(dataset.info().format_version, FormatVersion::CONTAINERS);
+    let container = |scene| dataset.read_scene(scene).unwrap().scene.container;
+    assert_eq!(container(0), Some(Container::of_sizes(ContainerKind::Bin, [0.27, 0.25, 0.03, 0.004, 0.1])));
+    assert_eq!(container(3), None);
+}
+
+#[test]
+fn the_rows_of_a_format_make_its_bytes() {
+    for format in [1, 4] {
+        makes_its_bytes(&golden(format));
+    }
+}
+
+fn makes_its_bytes(golden: &Path) {
+    let dataset = Dataset::open(golden).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let info = dataset.info();
     let draft = Draft::begin(dir.path(), info).unwrap();
@@ -42,7 +60,7 @@ fn the_rows_of_format_1_make_the_bytes_of_format_1() {
     }
     draft.finalize().unwrap();
     let data = |dir: &Path| sample::files(dir).into_iter().filter(|(path, _)| path != Path::new("README.md"));
-    for (made, golden) in data(dir.path()).zip(data(&golden())) {
+    for (made, golden) in data(dir.path()).zip(data(golden)) {
         assert_eq!(made.0, golden.0);
         assert!(made.1 == golden.1, "{} differs", made.0.display());
     }
@@ -53,6 +71,9 @@ fn the_rows_of_format_1_make_the_bytes_of_format_1() {
 fn writes_the_golden_dataset() {
     let mut info = sample::sized(1, 2, 18, 4);
     info.grid.resolution = 6;
-    assert!(!golden().exists(), "samples of earlier formats are kept: name a new folder");
-    sample::write(&golden(), &info);
+    info.config["container"] = serde_json::json!([{"kind": "bin", "share": 0.75}]);
+    info.format_version = info.version();
+    let folder = golden(info.format_version.number());
+    assert!(!folder.exists(), "samples of earlier formats are kept: name a new folder");
+    sample::write(&folder, &info);
 }
