@@ -377,7 +377,7 @@ mod tests {
         let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
-        assert_eq!(keys(&request).len(), 20);
+        assert_eq!(keys(&request).len(), 21);
         assert_eq!(keys(&view).len(), 9);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = described(PoseInput::schema());
