@@ -442,6 +442,9 @@ impl<'a> Run<'a> {
     /// The fixture that the hand met on the whole way of its retreat, as [`Self::pushed`] has it.
     fn lifted_into_fixture(&mut self) -> Option<Hit> {
         let (gripper, gate) = (self.setup.gripper, &self.setup.gate);
+        if !gate.has_fixtures() {
+            return None;
+        }
         let [left, right] = self.engine.closed_m();
         let [left, right] = [left, -right].map(|way_m| Vec3::Y * way_m);
         let closed = gripper.open_hand().into_iter().zip([left, right, Vec3::ZERO]);

@@ -83,12 +83,7 @@ impl Gate {
         if free(1.0) {
             return Some(2.0 * way_m);
         }
-        let (mut low, mut high) = (free(0.0).then_some(0.0)?, 1.0);
-        for _ in 0..10 {
-            let middle = 0.5 * (low + high);
-            *if free(middle) { &mut low } else { &mut high } = middle;
-        }
-        Some(low * 2.0 * way_m)
+        free(0.0).then(|| farthest(1.0, free) * 2.0 * way_m)
     }
 
     /// Where the objects are.
@@ -101,6 +96,11 @@ impl Gate {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let in_grasp = |(hulls, pose): &(Vec<TestedPart>, Pose)| placed(hulls, &(grasp_from_workspace * *pose));
         self.obstacles.iter().flat_map(in_grasp).collect()
+    }
+
+    /// Whether the scene has fixtures.
+    pub(crate) fn has_fixtures(&self) -> bool {
+        !self.fixtures.is_empty()
     }
 
     /// The fixtures in the frame of a grasp.
@@ -125,12 +125,7 @@ impl Gate {
             if free(finger, inward, most_m) {
                 return most_m;
             }
-            let (mut low_m, mut high_m) = (0.0, most_m);
-            for _ in 0..10 {
-                let middle_m = 0.5 * (low_m + high_m);
-                *if free(finger, inward, middle_m) { &mut low_m } else { &mut high_m } = middle_m;
-            }
-            low_m
+            farthest(most_m, |way_m| free(finger, inward, way_m))
         })
     }
 
@@ -172,6 +167,16 @@ impl Gate {
         let low = boxes.iter().map(|b| b.lowest_z_m(workspace_from_grasp)).fold(f32::INFINITY, f32::min);
         (low < self.table_z_m).then_some(Hit::TABLE)
     }
+}
+
+/// How far a way is free that is not free up to `most`, to a thousandth of that.
+fn farthest(most: f32, is_free: impl Fn(f32) -> bool) -> f32 {
+    let (mut low, mut high) = (0.0, most);
+    for _ in 0..10 {
+        let middle = 0.5 * (low + high);
+        *if is_free(middle) { &mut low } else { &mut high } = middle;
+    }
+    low
 }
 
 fn placed(hulls: &[TestedPart], pose: &Pose) -> Vec<PlacedPart> {
