@@ -43,9 +43,7 @@ pub(super) fn move_edges(image: &DepthImage, edges: &EdgeNoise, real: &[f32], se
     if *edges == EdgeNoise::NONE {
         return;
     }
-    let points = |pixels: usize| (pixels as f32 / RAGGED_CELL_PX).ceil() as usize;
-    let counts = [points(image.width_px), points(image.height_px)];
-    let ragged_px = Lattice::draw(image, counts, edges.ragged_px, stream).even();
+    let ragged_px = Lattice::of_cells(image, [RAGGED_CELL_PX; 2], edges.ragged_px, stream).even();
     let walk = Walk { width: image.width_px, height: image.height_px, edges, ragged_px, real };
     let visible = seen.to_vec();
     for side in SIDES {

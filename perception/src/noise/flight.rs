@@ -47,9 +47,7 @@ impl FlightNoise {
 }
 
 pub(super) fn add_flight_noise(image: &mut DepthImage, flight: &FlightNoise, stream: &mut Stream) {
-    let points = |pixels: usize| (pixels as f32 / flight.smooth_cell_px).ceil() as usize;
-    let counts = [points(image.width_px), points(image.height_px)];
-    let errors_m = Lattice::draw(image, counts, flight.std_at_1_m, stream);
+    let errors_m = Lattice::of_cells(image, [flight.smooth_cell_px; 2], flight.std_at_1_m, stream);
     // One draw a pixel: whether it flies, and how far.
     let luck: Vec<f32> = image.depth_m.iter().map(|_| stream.unit() as f32).collect();
     let slopes: Vec<f32> = image.depth_m.iter().map(|depth| if *depth > 0.0 { depth.recip() } else { 0.0 }).collect();

@@ -14,6 +14,13 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
+    /// Draws values at points that are as far apart as cells of these sizes along u and v, in pixels.
+    pub(super) fn of_cells(image: &DepthImage, [along_px, down_px]: [f32; 2], std: f32, stream: &mut Stream) -> Self {
+        // Rounded up, so that the smallest image has a lattice point.
+        let points = |pixels: usize, cell_px: f32| (pixels as f32 / cell_px).ceil() as usize;
+        Self::draw(image, [points(image.width_px, along_px), points(image.height_px, down_px)], std, stream)
+    }
+
     /// Draws `columns` times `rows` values for an image of this size.
     pub(super) fn draw(image: &DepthImage, [columns, rows]: [usize; 2], std: f32, stream: &mut Stream) -> Self {
         Self {

@@ -60,8 +60,7 @@ pub(super) fn lose(
         return;
     }
     let material = stream.weighted(&MATERIALS, &MATERIALS.map(|(weight, _)| weight)).1;
-    let points = |pixels: usize| (pixels as f32 / loss.patch_px).ceil() as usize;
-    let luck = Lattice::draw(image, [points(image.width_px), points(image.height_px)], 1.0, stream).even();
+    let luck = Lattice::of_cells(image, [loss.patch_px; 2], 1.0, stream).even();
     let loss = Loss { share: loss.share * material, ..*loss };
     let often = loss.secant_of(OFTEN).powi(2);
     for (pixel, luck) in luck.into_iter().enumerate() {

@@ -67,11 +67,7 @@ impl StereoNoise {
 }
 
 pub(super) fn add_stereo_noise(image: &mut DepthImage, stereo: &StereoNoise, stream: &mut Stream) {
-    // Rounded up, so that the smallest image has a lattice point.
-    let points = |pixels: usize, cell_px: f32| (pixels as f32 / cell_px).ceil() as usize;
-    let [along_px, down_px] = stereo.smooth_cell_px;
-    let counts = [points(image.width_px, along_px), points(image.height_px, down_px)];
-    let errors_px = Lattice::draw(image, counts, stereo.subpixel_std_px, stream);
+    let errors_px = Lattice::of_cells(image, stereo.smooth_cell_px, stereo.subpixel_std_px, stream);
     let depth_times_disparity = stereo.focal_px * stereo.baseline_m;
     let disparity = |depth: &f32| if *depth > 0.0 { depth_times_disparity / depth } else { 0.0 };
     let real_px: Vec<f32> = image.depth_m.iter().map(disparity).collect();
