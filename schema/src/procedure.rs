@@ -13,7 +13,7 @@ settings! {
         /// The hand is moved out by this much after closing.
         pub retreat_distance_m: f32 where 0.01..=1.0,
         /// The hand retreats along −z of the grasp if its approach is within this angle of straight down, else straight
-        /// up.
+        /// up; under a shelf's board along −z and a fifth as much upwards.
         pub retreat_cone_rad: f32 where 0.0..=core::f32::consts::PI,
         /// Speed of the retreat.
         pub retreat_speed_m_s: f32 where 0.01..=2.0,

@@ -21,6 +21,9 @@ const STOPPED_SPEED_M_S: f32 = 0.002;
 /// … if they have for this long.
 const STOPPED_TIME_S: f32 = 0.025;
 
+/// Under a board a hand rises by this share of its way out.
+const RISE: f32 = 0.2;
+
 /// A retreating hand is held against fixtures this often on its way.
 const WAY_STEP_M: f32 = 0.002;
 
@@ -492,10 +495,17 @@ impl<'a> Run<'a> {
         (0..self.object_count).map(in_workspace).collect()
     }
 
-    /// Where the hand goes with its catch: back along the approach if that is near enough to straight down, else up.
+    /// Where the hand goes with its catch: back along the approach if that is near enough to straight down, else up;
+    /// under a board back and a little up.
     fn retreat_direction(&self) -> Vec3 {
         let back = -Vec3::Z;
-        if back.dot(self.up) >= libm::cosf(self.setup.procedure.retreat_cone_rad) { back } else { self.up }
+        if back.dot(self.up) >= libm::cosf(self.setup.procedure.retreat_cone_rad) {
+            back
+        } else if self.setup.gate.is_covered(&self.workspace_from_grasp) {
+            (back + RISE * self.up).normalize()
+        } else {
+            self.up
+        }
     }
 }
 

@@ -32,6 +32,9 @@ impl Hit {
     }
 }
 
+/// A fixture is looked for this far above a grasp.
+const COVER_M: f32 = 0.5;
+
 /// A scene and a hand, made ready for the test.
 #[derive(Clone)]
 pub struct Gate {
@@ -101,6 +104,13 @@ impl Gate {
     /// Whether the scene has fixtures.
     pub(crate) fn has_fixtures(&self) -> bool {
         !self.fixtures.is_empty()
+    }
+
+    /// Whether a fixture is straight above the grasp, as the board of a shelf.
+    pub(crate) fn is_covered(&self, workspace_from_grasp: &Pose) -> bool {
+        let point = HandBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(1e-3) };
+        let at = Pose::from_translation(workspace_from_grasp.translation);
+        self.touches_fixtures(&at, &[point.swept(Vec3::Z * COVER_M)])
     }
 
     /// The fixtures in the frame of a grasp.

@@ -220,19 +220,17 @@ fn fingers_do_not_close_through_a_wall() {
     }
 }
 
-/// Lifted straight up, a hand that came from the front meets the board of a low shelf.
+/// Lifted straight up, a hand that came from the front would meet the board of a low shelf: it goes back and a little up.
 #[test]
 fn a_hand_is_not_lifted_through_a_board() {
     let cube = || vec![block([0.04, 0.04, 0.04], [0.15, 0.14, 0.07])];
     let forward = axis_angle(Vec3::ONE.normalize(), -2.0 * PI / 3.0);
     let grasp = Pose::from_parts(Vec3::new(0.15, 0.15, 0.072), forward);
     assert_eq!(ended(&scene(SHELF, cube()), &grasp), (Outcome::Held, None));
-    let low = Container { height_m: 0.09, ..SHELF };
-    let (outcome, hit) = ended(&scene(low, cube()), &grasp);
-    assert!(
-        (outcome, hit) == (Outcome::HitOther, Some(HitKind::Container)) || outcome == Outcome::Slipped,
-        "{outcome:?}"
-    );
+    let low = |height_m: f32| scene(Container { height_m, ..SHELF }, cube());
+    assert_eq!(ended(&low(0.09), &grasp), (Outcome::Held, None));
+    // Here even a little is too much, for the hand or for the cube.
+    assert!(executed(&low(0.044), &grasp).iter().all(|it| it.outcome != Outcome::Held));
 }
 
 #[test]
