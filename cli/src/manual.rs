@@ -157,7 +157,7 @@ fn tables() -> String {
     use report::document::{Block, Document};
     use shards::{Form, Table};
 
-    const FORM: Form = Form { resolution: 40, has_hands: true, has_containers: true };
+    const FORM: Form = Form { resolution: 40, has_hands: true, has_containers: true, has_repeats: true };
     let tables = Table::ALL.into_iter();
     let tables =
         tables.flat_map(|table| [Block::Heading(table.name().to_owned()), Block::Table(table.described(FORM))]);

@@ -17,6 +17,7 @@ use crate::containers::{draw_container, in_front, room_m};
 use crate::mixture::{Observed, Source, displaced, sources};
 use crate::objects::draw_drops;
 use crate::packed::draw_packed;
+use crate::robustness::Repeats;
 
 /// Why there is no scene.
 #[derive(Debug, thiserror::Error, Clone, Copy, PartialEq, Eq)]
@@ -120,12 +121,16 @@ pub fn make_scene_timed(
         candidates = observed.draw(Source::Normals, count, &mut candidates_stream);
     }
     let world = AttemptWorld::new(&config.physics, config.gripper.of_scene(scene_id), &config.procedure, &scene);
+    let own = (&config.physics, config.gripper.of_scene(scene_id), &config.procedure);
+    let repeats = Repeats::of_scene(config.robustness.as_ref(), (config.seed, scene_id), own, &scene);
     ended(Stage::Prepare)?;
 
     let mut execute = |(candidate, attempt_id): (&Candidate, u32)| {
         let execution = world.execute(&candidate.workspace_from_grasp, candidate.object_id);
+        let mut record = attempt_record(scene_id, attempt_id, candidate, &execution);
+        record.robustness = repeats.as_ref().and_then(|repeats| repeats.robustness(&record));
         ended(Stage::Attempt { outcome: execution.outcome, steps: execution.steps })?;
-        Ok::<_, NoScene>(attempt_record(scene_id, attempt_id, candidate, &execution))
+        Ok::<_, NoScene>(record)
     };
     let mut attempts: Vec<AttemptRecord> = candidates.iter().zip(0..).map(&mut execute).collect::<Result<_, _>>()?;
     // What is missing of the proposals where few were found is displaced, too.
@@ -270,5 +275,6 @@ fn attempt_record(scene_id: u64, attempt_id: u32, candidate: &Candidate, executi
         hit: execution.hit.map(|hit| hit.kind),
         hit_object_id: execution.hit.and_then(|hit| hit.object_id).map(|id| id as u32),
         width_m: execution.width_m,
+        robustness: None,
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use perception::{SensorParams, ViewKind};
-use schema::{CameraParams, Grid, Hands, Physics, Procedure, SettleParams, ShapeKind, TsdfParams, ViewParams};
+use schema::{CameraParams, Grid, Hands, Physics, Procedure, SettleParams, ShapeKind, TsdfParams, Vec3, ViewParams};
 use serde::Serialize;
 use settings::{Document, Reader, settings, words};
 use toml::Value;
@@ -11,6 +11,7 @@ use toml::Value;
 use crate::containers::{ContainerParams, container_faults};
 use crate::models::Models;
 use crate::policy::Policy;
+use crate::robustness::RobustnessParams;
 
 /// Yaws per point, evenly over half a turn.
 pub(crate) const YAWS: usize = 6;
@@ -58,7 +59,8 @@ impl ObjectParams {
 }
 
 settings! {
-    /// Packed scenes among the dropped ones: objects of `[objects]`, but upright and of these sizes.
+    /// Packed scenes among the dropped ones: objects of `[objects]`, but upright and of these sizes; of a catalogue those
+    /// that have them, with z up.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct PackedParams {
         /// Share of the scenes that are packed.
@@ -75,6 +77,14 @@ settings! {
 impl PackedParams {
     /// Household sizes, a millimetre apart: the packed scenes of our experiments.
     pub const HOUSEHOLD: Self = Self { share: 1.0, width_m: [0.03, 0.06], height_m: [0.06, 0.14], gap_m: 0.001 };
+
+    /// Whether an object of a catalogue has these sizes.
+    pub(crate) fn fits(&self, extents_m: Vec3) -> bool {
+        let is_within = |[low, high]: [f32; 2], size_m: f32| (low..=high).contains(&size_m);
+        is_within(self.width_m, extents_m.x)
+            && is_within(self.width_m, extents_m.y)
+            && is_within(self.height_m, extents_m.z)
+    }
 }
 
 words! {
@@ -151,6 +161,8 @@ settings! {
         pub spanned_share: f32 where 0.0..=1.0; or 0.0,
         /// Which scenes are packed instead.
         pub packed: Option<PackedParams>; or None,
+        /// How attempts that held are repeated to learn how much they depend on what nobody sees.
+        pub robustness: Option<RobustnessParams>; or None,
         /// What the objects lie in: kinds of containers, each with its share of the scenes; the others have none.
         pub container: Vec<ContainerParams>; or Vec::new(),
         /// When it rests.
@@ -284,8 +296,9 @@ impl Config {
             reader.must("packed.height_m", high <= most, || {
                 format!("must be at most the {most} m of the workspace above the table, got {high}")
             });
-            let problem = || "is there for primitives only, not for a catalogue".to_owned();
-            reader.must("packed", objects.catalogue.is_empty(), problem);
+            let models = objects.catalogue.stored();
+            let fits = models.is_empty() || models.iter().any(|model| packed.fits(model.extents_m));
+            reader.must("packed", fits, || "must have sizes that an object of the catalogue has".to_owned());
         }
         for fault in container_faults(&self.container, grid) {
             reader.within("container", |reader| reader.report(fault));

@@ -107,15 +107,27 @@ mod tests {
     use super::*;
     use crate::{Config, Overrides, make_scene};
 
-    const BIN: &str = include_str!("../../configs/generate/bin.toml");
+    const JUDGE: &str = include_str!("../../configs/generate/judge.toml");
 
     fn config(text: &str) -> Result<Config, settings::Error> {
-        Config::read(Document::parse(text, Path::new("bin.toml")).unwrap(), Overrides::default())
+        Config::read(Document::parse(text, Path::new("judge.toml")).unwrap(), Overrides::default())
+    }
+
+    /// The config for judges with more containers.
+    fn walled() -> Config {
+        let shares =
+            [("share = 0.28", "share = 0.6"), ("share = 0.05", "share = 0.12"), ("share = 0.1 ", "share = 0.15 ")];
+        config(
+            &shares
+                .iter()
+                .fold(JUDGE.replace("share = 0.1\n", "share = 0.1 \n"), |text, (from, to)| text.replacen(from, to, 1)),
+        )
+        .unwrap()
     }
 
     #[test]
     fn kinds_come_by_their_shares_within_their_ranges() {
-        let kinds = config(BIN).unwrap().container;
+        let kinds = walled().container;
         let mut counts = [0; 4];
         for scene in 0..4_000 {
             let Some(drawn) = draw_container(&kinds, 3, scene) else {
@@ -142,10 +154,10 @@ mod tests {
 
     #[test]
     fn containers_that_do_not_fit_are_refused_with_their_key() {
-        let told = |from: &str, to: &str| config(&BIN.replacen(from, to, 1)).unwrap_err().to_string();
+        let told = |from: &str, to: &str| config(&JUDGE.replacen(from, to, 1)).unwrap_err().to_string();
         let message = told("inner_m = [0.20, 0.28]", "inner_m = [0.20, 0.30]");
         assert!(message.contains("container") && message.contains("fit into a workspace of 0.3 m"), "{message}");
-        let message = told("share = 0.6", "share = 0.9");
+        let message = told("share = 0.28", "share = 0.9");
         assert!(message.contains("container") && message.contains("at most"), "{message}");
         let message = told("kind = \"tray\"", "kind = \"shelf\"");
         assert!(message.contains("a shelf must have slope_rad"), "{message}");
@@ -155,7 +167,7 @@ mod tests {
     /// inside.
     #[test]
     fn rows_give_the_same_attempts_and_objects_lie_within() {
-        let config = config(BIN).unwrap();
+        let config = walled();
         let (mut kinds, mut hits) = ([0; 4], 0);
         for scene_id in 0..16 {
             let rows = make_scene(&config, scene_id, 24).unwrap();
@@ -201,7 +213,7 @@ mod tests {
     /// Without the limit more than half would.
     #[test]
     fn few_proposals_close_on_a_wall() {
-        let config = config(BIN).unwrap();
+        let config = walled();
         let (mut all, mut on_walls) = (0, 0);
         for scene_id in 0..12 {
             let rows = make_scene(&config, scene_id, 60).unwrap();
@@ -220,7 +232,7 @@ mod tests {
 
     #[test]
     fn walls_keep_their_place_in_the_order_of_decision() {
-        let config = config(BIN).unwrap();
+        let config = walled();
         let collides = |outcome: Outcome| {
             matches!(outcome, Outcome::PregraspCollision | Outcome::ApproachCollision | Outcome::HitOther)
         };

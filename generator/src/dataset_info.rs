@@ -7,6 +7,7 @@ use shards::{DatasetInfo, FormatVersion};
 use simulator::Body;
 
 use crate::config::{Config, OF_PRIMITIVES, Sampler};
+use crate::robustness::RobustnessParams;
 
 /// The engine, as datasets name it: with its version, because other versions give other labels.
 const fn stored_name(engine: Engine) -> &'static str {
@@ -74,6 +75,9 @@ impl Config {
         if !self.container.is_empty() {
             stored["container"] = json!(self.container);
         }
+        if let Some(robustness) = &self.robustness {
+            stored["robustness"] = json!(robustness);
+        }
         if let Some(sensor) = &self.sensor {
             stored["sensor"] = json!(sensor);
         }
@@ -104,6 +108,16 @@ pub fn physics_of(config: &Value) -> Result<Physics, Failure> {
         physics.insert("engine".to_owned(), json!(engine));
     }
     settings::read_stored(&physics, "physics").map_err(|faults| unknown(faults.join("; ")))
+}
+
+/// How the attempts of a dataset were repeated, if they were.
+///
+/// # Errors
+/// [`ExitCode::Data`] if its config does not say it.
+pub(crate) fn robustness_of(info: &DatasetInfo) -> Result<Option<RobustnessParams>, Failure> {
+    let Some(stored) = info.config.get("robustness") else { return Ok(None) };
+    let read = settings::read_stored(stored, "config.robustness");
+    read.map(Some).map_err(|faults| info_lacks(&format!(": {}", faults.join("; "))))
 }
 
 /// The bodies of a dataset's models, in their order.

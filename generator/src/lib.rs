@@ -30,6 +30,7 @@ mod policy;
 mod recorder;
 mod repeat;
 mod replay;
+mod robustness;
 mod run;
 
 pub use bench::{BenchReport, Comparison, Cost, bench};

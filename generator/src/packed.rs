@@ -5,7 +5,7 @@
 //! stops after twelve tries in all, so some of its scenes have too few objects.)
 
 use schema::{Container, Grid, Pose, Quat, ShapeKind, Solid, Stream, Vec3, axis_angle};
-use simulator::SceneObject;
+use simulator::{Body, SceneObject};
 
 use crate::config::{ObjectParams, PackedParams};
 use crate::objects::{draw_spanned, middle_width_m};
@@ -32,19 +32,39 @@ pub fn draw_packed(
     let mut placed = Vec::with_capacity(count);
     let mut taken: Vec<Footprint> = Vec::with_capacity(count);
     for _ in 0..count {
-        let draw = || draw_solid(objects, params, stream);
-        let solid = draw_spanned(span_m, draw, |solid| middle_width_m(&(*solid).into()));
-        let density_kg_m3 = stream.uniform(objects.density_kg_m3[0], objects.density_kg_m3[1]);
-        let friction = stream.uniform(objects.friction[0], objects.friction[1]);
+        let Some((body, mass_kg, friction, stance)) = draw_upright(objects, params, span_m, stream) else { continue };
         if let Some((workspace_from_object, footprint)) =
-            find_place(params.gap_m, (grid, container), &solid, &taken, stream)
+            find_place(params.gap_m, (grid, container), &stance, &taken, stream)
         {
-            let mass_kg = density_kg_m3 * solid.volume_m3();
-            placed.push(SceneObject { body: solid.into(), mass_kg, friction, workspace_from_object });
+            placed.push(SceneObject { body, mass_kg, friction, workspace_from_object });
             taken.push(footprint);
         }
     }
     placed
+}
+
+/// A primitive, or an object of the catalogue that has these sizes, with its mass, its friction and how it stands; none
+/// if the catalogue has no such object.
+fn draw_upright(
+    objects: &ObjectParams,
+    params: &PackedParams,
+    span_m: f32,
+    stream: &mut Stream,
+) -> Option<(Body, f32, f32, Stance)> {
+    let models = &objects.catalogue;
+    if models.is_empty() {
+        let draw = || draw_solid(objects, params, stream);
+        let solid = draw_spanned(span_m, draw, |solid| middle_width_m(&(*solid).into()));
+        let density_kg_m3 = stream.uniform(objects.density_kg_m3[0], objects.density_kg_m3[1]);
+        let friction = stream.uniform(objects.friction[0], objects.friction[1]);
+        return Some((solid.into(), density_kg_m3 * solid.volume_m3(), friction, Stance::of(&solid)));
+    }
+    let fitting: Vec<usize> =
+        (0..models.stored().len()).filter(|n| params.fits(models.stored()[*n].extents_m)).collect();
+    let draw = || fitting.get(stream.index(fitting.len().max(1))).copied();
+    let number = draw_spanned(span_m, draw, |number| number.map_or(0.0, |n| middle_width_m(&models.bodies()[n])))?;
+    let model = &models.stored()[number];
+    Some((models.bodies()[number].clone(), model.mass_kg, model.friction, Stance::upright(model.extents_m)))
 }
 
 /// A shape with uniform free extents. Every shape makes the same number of draws.
@@ -65,11 +85,10 @@ fn draw_solid(objects: &ObjectParams, params: &PackedParams, stream: &mut Stream
 fn find_place(
     gap_m: f32,
     (grid, container): (&Grid, Option<&Container>),
-    solid: &Solid,
+    stance: &Stance,
     taken: &[Footprint],
     stream: &mut Stream,
 ) -> Option<(Pose, Footprint)> {
-    let stance = Stance::of(solid);
     let whole = [Vec3::ZERO, Vec3::new(grid.size_m, grid.size_m, f32::INFINITY)];
     let free_m = container.map_or(whole, |container| container.free_m(grid));
     let z_m = grid.table_z_m + DROP_M + 0.5 * stance.height_m;
@@ -86,7 +105,8 @@ fn find_place(
     })
 }
 
-/// The upright pose of a shape: cuboid and cylinder along z, shapes extruded along x on their end.
+/// The upright pose of a shape: cuboid, cylinder and a catalogue's object along z, shapes extruded along x on their
+/// end.
 struct Stance {
     upright_from_object: Quat,
     /// Half sides of the footprint along x and y, before any yaw.
@@ -98,9 +118,7 @@ impl Stance {
     fn of(solid: &Solid) -> Self {
         let e = solid.extents_m;
         match solid.kind {
-            ShapeKind::Cuboid | ShapeKind::Cylinder => {
-                Self { upright_from_object: Quat::IDENTITY, half_m: [0.5 * e.x, 0.5 * e.y], height_m: e.z }
-            }
+            ShapeKind::Cuboid | ShapeKind::Cylinder => Self::upright(e),
             // A quarter turn back about y: x points up, z along −x.
             ShapeKind::TriPrism | ShapeKind::HalfCylinder => {
                 let half = core::f32::consts::FRAC_1_SQRT_2;
@@ -108,6 +126,11 @@ impl Stance {
                 Self { upright_from_object, half_m: [0.5 * e.z, 0.5 * e.y], height_m: e.x }
             }
         }
+    }
+
+    fn upright(extents_m: Vec3) -> Self {
+        let half_m = [0.5 * extents_m.x, 0.5 * extents_m.y];
+        Self { upright_from_object: Quat::IDENTITY, half_m, height_m: extents_m.z }
     }
 
     fn footprint(&self, at: Vec3, yaw: Quat) -> Footprint {
@@ -146,10 +169,13 @@ impl Footprint {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use schema::Purpose;
+    use settings::Document;
 
     use super::*;
-    use crate::config::{Config, Overrides};
+    use crate::config::{Config, OF_PRIMITIVES, Overrides};
 
     const HOUSEHOLD: PackedParams = PackedParams::HOUSEHOLD;
 
@@ -218,6 +244,46 @@ mod tests {
             kinds[ShapeKind::ALL.iter().position(|kind| *kind == solid_of(&object).kind).unwrap()] += 1;
         }
         assert!(kinds.iter().all(|count| *count > 80), "{kinds:?}");
+    }
+
+    #[test]
+    fn objects_of_a_catalogue_stand_with_z_up_if_they_have_the_sizes() {
+        let judge =
+            Document::parse(include_str!("../../configs/generate/judge.toml"), Path::new("judge.toml")).unwrap();
+        let catalogue = toml::from_str::<toml::Table>("split = \"train\"\ncount = 92\nseed = 4").unwrap();
+        let read = |low_m: &str| {
+            let mut own = judge.clone();
+            let objects = own.table_mut()["objects"].as_table_mut().unwrap();
+            OF_PRIMITIVES.iter().for_each(|key| drop(objects.remove(*key)));
+            objects.insert("catalogue".to_owned(), catalogue.clone().into());
+            let set = [
+                ("shares.rules", "0.0"),
+                ("shares.proposals", "0.45"),
+                ("packed.height_m", low_m),
+            ];
+            let set = set.map(|(key, value)| (key.to_owned(), value.to_owned()));
+            Config::read(own, Overrides { set: &set, ..Overrides::default() })
+        };
+        let config = read("[0.04, 0.2]").unwrap();
+        let params = config.packed.unwrap();
+        let mut names = std::collections::BTreeSet::new();
+        for number in 0..40 {
+            let mut stream = Stream::new(3, number, Purpose::Objects, 0);
+            let placed = draw_packed(&config.objects, &params, (&Grid::PAPER, None), f32::INFINITY, 4, &mut stream);
+            for object in &placed {
+                let corners = corners_m(object);
+                let [low, high] = schema::bounds_m(&corners);
+                let height_m = high.z - low.z;
+                assert!((low.z - 0.0505).abs() < 1e-5 && (0.04..=0.2).contains(&height_m), "{object:?}");
+                let up = object.workspace_from_object.rotation * Vec3::Z;
+                assert!(up.z > 0.9999, "{object:?}");
+                names.insert(object.body.name().to_owned());
+            }
+        }
+        assert!(names.len() > 20, "{names:?}");
+        assert!(!names.iter().any(|name| name.starts_with("saucer")), "flat things: {names:?}");
+        let refused = read("[0.249, 0.25]").unwrap_err().to_string();
+        assert!(refused.contains("packed must have sizes"), "{refused}");
     }
 
     #[test]

@@ -6,7 +6,8 @@ use schema::{AttemptRecord, Engine, Outcome, SceneRows};
 use shards::Dataset;
 use simulator::{AttemptWorld, Body, Execution, Physics, Scene};
 
-use crate::dataset_info::{bodies_of, physics_of};
+use crate::dataset_info::{bodies_of, physics_of, robustness_of};
+use crate::robustness::{Repeats, RobustnessParams};
 
 /// Scenes whose rows are in memory together.
 const SCENES_AT_ONCE: usize = 16;
@@ -16,7 +17,7 @@ const SCENES_AT_ONCE: usize = 16;
 pub struct Repeated {
     /// Attempts that were executed.
     pub attempts: u64,
-    /// Attempts whose outcome, hit or opening differs from the stored one.
+    /// Attempts whose outcome, hit, opening or robustness differs from the stored one.
     pub different: Vec<Difference>,
 }
 
@@ -33,8 +34,8 @@ pub struct Difference {
     pub now: Outcome,
 }
 
-/// Executes the attempts of the first `scene_count` scenes again, using only their rows; by another engine if one is
-/// given, of which only the outcomes are compared.
+/// Executes the attempts of the first `scene_count` scenes again, and their repeats, using only their rows; by another
+/// engine if one is given, of which only the outcomes are compared.
 ///
 /// # Errors
 /// If the dataset cannot be read or was made by an engine that this program does not have.
@@ -43,6 +44,8 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
     let physics = Physics { engine: engine.unwrap_or(stored.engine), ..stored };
     let is_same = if physics == stored { is_as_stored } else { ended_as_stored };
     let bodies = bodies_of(dataset.info())?;
+    // Repeats of another engine end otherwise.
+    let robustness = if physics == stored { robustness_of(dataset.info())? } else { None };
     let mut repeated = Repeated { attempts: 0, different: Vec::new() };
     for shard in 0..dataset.shard_count() {
         let ids = dataset.info().scenes_of(shard);
@@ -56,8 +59,10 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
             if some.is_empty() {
                 break;
             }
-            let found: Vec<Repeated> =
-                some.par_iter().map(|rows| repeat_scene(dataset, (&physics, &bodies), rows, is_same)).collect();
+            let found: Vec<Repeated> = some
+                .par_iter()
+                .map(|rows| repeat_scene(dataset, (&physics, &bodies, robustness.as_ref()), rows, is_same))
+                .collect();
             for one in found {
                 repeated.attempts += one.attempts;
                 repeated.different.extend(one.different);
@@ -69,17 +74,26 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
 
 fn repeat_scene(
     dataset: &Dataset,
-    (physics, bodies): (&Physics, &[Body]),
+    (physics, bodies, robustness): (&Physics, &[Body], Option<&RobustnessParams>),
     rows: &SceneRows,
     is_same: fn(&AttemptRecord, &Execution) -> bool,
 ) -> Repeated {
     let (info, attempts) = (dataset.info(), &rows.attempts);
     let scene = Scene::from_records(info.grid.table_z_m, rows.scene.fixtures(&info.grid), &rows.objects, bodies);
-    let world = AttemptWorld::new(physics, info.hand_of(rows.scene.scene_id), &info.procedure, &scene);
+    let scene_id = rows.scene.scene_id;
+    let own = (physics, info.hand_of(scene_id), &info.procedure);
+    let world = AttemptWorld::new(own.0, own.1, own.2, &scene);
+    let repeats = Repeats::of_scene(robustness, (info.seed, scene_id), own, &scene);
     let again = |row: &AttemptRecord| {
         let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
-        let (scene_id, attempt_id) = (row.scene_id, row.attempt_id);
-        (!is_same(row, &now)).then_some(Difference { scene_id, attempt_id, stored: row.outcome, now: now.outcome })
+        let attempt_id = row.attempt_id;
+        let is_as_robust = repeats.as_ref().is_none_or(|repeats| repeats.robustness(row) == row.robustness);
+        (!(is_same(row, &now) && is_as_robust)).then_some(Difference {
+            scene_id,
+            attempt_id,
+            stored: row.outcome,
+            now: now.outcome,
+        })
     };
     Repeated { attempts: attempts.len() as u64, different: attempts.iter().filter_map(again).collect() }
 }

@@ -69,6 +69,7 @@ mod tests {
             hit: None,
             hit_object_id: None,
             width_m: Some(0.04),
+            robustness: None,
         }
     }
 

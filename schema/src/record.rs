@@ -97,6 +97,9 @@ pub struct AttemptRecord {
     /// Opening between the fingers' inner faces in metres: at the end of the hold if the object was held, else when
     /// the fingers stopped closing; `None` if they never closed.
     pub width_m: Option<f32>,
+    /// Of its repeats with other masses, other friction and slightly moved grasps, the share that held as well; `None`
+    /// if it did not hold or was not repeated.
+    pub robustness: Option<f32>,
 }
 
 impl AttemptRecord {

@@ -56,6 +56,8 @@ pub enum Purpose {
     Spanned = 20,
     /// What the objects of a scene lie in.
     Container = 21,
+    /// Which scenes' attempts are repeated (slot 0), and how the repeats are moved (slot 1 + attempt).
+    Robustness = 22,
 }
 
 /// A reproducible stream of random numbers.

@@ -7,12 +7,12 @@ import pytest
 
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 
-BIN = Path(__file__).parents[2] / "configs/generate/bin.toml"
+JUDGE = Path(__file__).parents[2] / "configs/generate/judge.toml"
 
 
 def test_a_stored_scene_keeps_its_container(tmp_path):
     settings = {"attempts_per_scene": 20}
-    dataset = graspmill.generate(tmp_path / "ds", BIN, shards=1, attempts=160, seed=3, settings=settings)
+    dataset = graspmill.generate(tmp_path / "ds", JUDGE, shards=1, attempts=160, seed=3, settings=settings)
     assert dataset.verify() == [] and "container" in graspmill.HITS
     hits, walls = 0, 0
     for stored in dataset:

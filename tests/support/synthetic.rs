@@ -176,6 +176,7 @@ fn attempt(
             Some(HitKind::Table | HitKind::Container) | None => None,
         },
         width_m,
+        robustness: (info.has_repeats() && outcome == Outcome::Held).then_some(0.5),
     }
 }
 

@@ -126,6 +126,10 @@ pub(crate) fn attempt(attempt: &AttemptRecord, gripper: &Gripper) -> Checked {
     })?;
     pose(&name, &attempt.workspace_from_grasp)?;
     width(&name, attempt, gripper)?;
+    if let Some(robustness) = attempt.robustness {
+        must(attempt.label() == 1, || format!("{name} robustness must be absent for {}", attempt.outcome.name()))?;
+        within(&format!("{name} robustness"), robustness, 0.0, 1.0)?;
+    }
     hit(&name, attempt)
 }
 

@@ -136,6 +136,15 @@ const OF_CONTAINERS: &[Column] = &[
     nullable(CONTAINER_SIZES[4], Kind::F32, "How far its walls lean outwards, from the vertical"),
 ];
 
+/// Columns of `attempts` that are there only where attempts were repeated.
+const OF_REPEATS: &[Column] = &[nullable(
+    ROBUSTNESS,
+    Kind::F32,
+    "Of its repeats with other masses, other friction and slightly moved grasps, the share that held as well; null \
+     unless it held and was repeated",
+)];
+
+pub(crate) const ROBUSTNESS: &str = "robustness";
 pub(crate) const CONTAINER: &str = "container";
 pub(crate) const CONTAINER_SIZES: [&str; 5] =
     ["container_x_m", "container_y_m", "container_height_m", "container_thickness_m", "container_slope_rad"];
@@ -149,11 +158,13 @@ pub struct Form {
     pub has_hands: bool,
     /// Whether there are containers.
     pub has_containers: bool,
+    /// Whether attempts were repeated.
+    pub has_repeats: bool,
 }
 
 impl Form {
-    /// For tables whose columns depend on nothing.
-    pub(crate) const ANY: Self = Self { resolution: 0, has_hands: false, has_containers: false };
+    /// For the table whose columns depend on nothing.
+    pub(crate) const ANY: Self = Self { resolution: 0, has_hands: false, has_containers: false, has_repeats: false };
 }
 
 const OBJECTS: &[Column] = &[
@@ -181,15 +192,12 @@ const ELEMENT: &str = "element";
 impl Table {
     /// Its columns, in the order on disk.
     pub(crate) fn columns(self, form: Form) -> Vec<&'static Column> {
-        let none: &[Column] = &[];
-        let [all, of_hands, of_containers] = match self {
-            Self::Attempts => [ATTEMPTS, none, none],
-            Self::Scenes => [SCENES, OF_HANDS, OF_CONTAINERS],
-            Self::Objects => [OBJECTS, none, none],
+        let parts: &[(&[Column], bool)] = match self {
+            Self::Attempts => &[(ATTEMPTS, true), (OF_REPEATS, form.has_repeats)],
+            Self::Scenes => &[(SCENES, true), (OF_HANDS, form.has_hands), (OF_CONTAINERS, form.has_containers)],
+            Self::Objects => &[(OBJECTS, true)],
         };
-        let hands = of_hands.iter().filter(|_| form.has_hands);
-        let containers = of_containers.iter().filter(|_| form.has_containers);
-        all.iter().chain(hands).chain(containers).collect()
+        parts.iter().filter(|(_, is_there)| *is_there).flat_map(|(columns, _)| *columns).collect()
     }
 
     /// Its Arrow schema, each field with its meaning as metadata.
@@ -276,7 +284,7 @@ pub(crate) fn float_leaves(column: &Column) -> Vec<Vec<String>> {
 mod tests {
     use super::*;
 
-    const FORM: Form = Form { resolution: 40, has_hands: true, has_containers: true };
+    const FORM: Form = Form { resolution: 40, has_hands: true, has_containers: true, has_repeats: true };
 
     #[test]
     fn names_are_snake_case_and_unique_within_a_table() {

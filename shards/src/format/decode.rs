@@ -13,13 +13,13 @@ use schema::{
 
 use crate::DatasetInfo;
 use crate::format::check::is_volume;
-use crate::format::column::{CONTAINER, CONTAINER_SIZES, GRIPPER};
+use crate::format::column::{CONTAINER, CONTAINER_SIZES, GRIPPER, ROBUSTNESS};
 
 type Decoded<T> = Result<T, String>;
 
-/// The rows of an `attempts` batch of a dataset with these models.
-pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Vec<AttemptRecord>> {
-    let columns = Columns(batch);
+/// The rows of an `attempts` batch.
+pub(crate) fn attempts(batch: &RecordBatch, info: &DatasetInfo) -> Decoded<Vec<AttemptRecord>> {
+    let (columns, models) = (Columns(batch), &info.models);
     let (scene, attempt, object) = (columns.i64s("scene_id")?, columns.i32s("attempt_id")?, columns.i32s("object_id")?);
     let shape = columns.names("shape", |name| Shape::from_name(name, models))?;
     let rule = columns.names("rule", Rule::from_name)?;
@@ -33,6 +33,7 @@ pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Ve
     let hit_object = columns.numbers::<Int32Type>("hit_object_id")?;
     let width = columns.numbers::<Float32Type>("width_m")?;
     let label = columns.numbers::<UInt8Type>("label")?;
+    let robustness = info.has_repeats().then(|| columns.numbers::<Float32Type>(ROBUSTNESS)).transpose()?;
     (0..batch.num_rows())
         .map(|row| {
             let named = rule[row];
@@ -60,6 +61,7 @@ pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Ve
                 hit: hit[row],
                 hit_object_id: if hit_object.is_null(row) { None } else { Some(unsigned(hit_object.value(row))?) },
                 width_m: width.is_valid(row).then(|| width.value(row)),
+                robustness: robustness.and_then(|values| values.is_valid(row).then(|| values.value(row))),
             };
             if label.value(row) != record.label() {
                 let outcome = record.outcome.name();

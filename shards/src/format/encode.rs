@@ -57,7 +57,10 @@ pub(crate) fn attempts(rows: &[AttemptRecord], info: &DatasetInfo) -> Encoded<Re
         Arc::new(Float32Array::from_iter(rows.iter().map(|r| r.width_m))),
         Arc::new(UInt8Array::from_iter_values(rows.iter().map(AttemptRecord::label))),
     ]);
-    RecordBatch::try_new(Table::Attempts.arrow_schema(Form::ANY), columns)
+    if info.has_repeats() {
+        columns.push(Arc::new(Float32Array::from_iter(rows.iter().map(|r| r.robustness))));
+    }
+    RecordBatch::try_new(Table::Attempts.arrow_schema(info.form()), columns)
 }
 
 /// The `objects` table of a dataset with these models.

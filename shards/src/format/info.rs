@@ -155,24 +155,32 @@ impl DatasetInfo {
             resolution: self.grid.resolution,
             has_hands: !self.grippers.is_empty(),
             has_containers: self.has_containers(),
+            has_repeats: self.has_repeats(),
         }
     }
 
     /// The lowest version that describes it.
     #[must_use]
     pub fn version(&self) -> FormatVersion {
-        match (self.has_containers(), self.grippers.is_empty(), self.models.is_empty()) {
-            (true, ..) => FormatVersion::CONTAINERS,
-            (false, false, _) => FormatVersion::HANDS,
-            (false, true, false) => FormatVersion::MODELS,
-            (false, true, true) => FormatVersion::CURRENT,
-        }
+        let needed = [
+            (self.has_repeats(), FormatVersion::REPEATS),
+            (self.has_containers(), FormatVersion::CONTAINERS),
+            (!self.grippers.is_empty(), FormatVersion::HANDS),
+            (!self.models.is_empty(), FormatVersion::MODELS),
+        ];
+        needed.into_iter().find(|(is_needed, _)| *is_needed).map_or(FormatVersion::CURRENT, |(_, version)| version)
     }
 
     /// Whether its scenes may have containers: its config says which.
     #[must_use]
     pub fn has_containers(&self) -> bool {
         self.config.get("container").is_some()
+    }
+
+    /// Whether attempts that held were repeated: its config says how.
+    #[must_use]
+    pub fn has_repeats(&self) -> bool {
+        self.config.get("robustness").is_some()
     }
 
     /// The values out of range, one message each.
@@ -421,8 +429,8 @@ mod tests {
 
     #[test]
     fn a_newer_file_is_refused_by_its_version_not_its_keys() {
-        let text = "{\"format_version\": 5, \"brand_new\": true}";
+        let text = "{\"format_version\": 6, \"brand_new\": true}";
         let told = DatasetInfo::from_json(text).unwrap_err();
-        assert_eq!(told, "format_version must be between 1 and 4, got 5; read it with a newer graspmill");
+        assert_eq!(told, "format_version must be between 1 and 5, got 6; read it with a newer graspmill");
     }
 }

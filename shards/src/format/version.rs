@@ -17,8 +17,10 @@ impl FormatVersion {
     pub const HANDS: Self = Self(3);
     /// The version of datasets with containers: `scenes` has their columns, and `hit` may be `container`.
     pub const CONTAINERS: Self = Self(4);
+    /// The version of datasets whose attempts were repeated: `attempts` has the column `robustness`.
+    pub const REPEATS: Self = Self(5);
     /// The newest version that this program reads.
-    pub const NEWEST: Self = Self::CONTAINERS;
+    pub const NEWEST: Self = Self::REPEATS;
     /// The oldest version that this program reads.
     pub const OLDEST: Self = Self(1);
 
@@ -58,8 +60,9 @@ mod tests {
         assert!(FormatVersion::MODELS.check_readable().is_ok());
         assert!(FormatVersion::HANDS.check_readable().is_ok());
         assert!(FormatVersion::CONTAINERS.check_readable().is_ok());
+        assert!(FormatVersion::REPEATS.check_readable().is_ok());
         let future = FormatVersion::new(FormatVersion::NEWEST.number() + 1).check_readable().unwrap_err();
-        assert_eq!(future, "format_version must be between 1 and 4, got 5; read it with a newer graspmill");
+        assert_eq!(future, "format_version must be between 1 and 5, got 6; read it with a newer graspmill");
         assert!(FormatVersion::new(0).check_readable().is_err());
     }
 }

@@ -165,7 +165,7 @@ impl Dataset {
             let is_next = row.map(|row| (row.scene_id, row.attempt_id)) == ids.next();
             if is_next { Ok(()) } else { Err("attempt ids must count up in every scene".to_owned()) }
         };
-        self.checked(shard, Table::Attempts, part, |batch| decode::attempts(batch, &self.info.models), check)
+        self.checked(shard, Table::Attempts, part, |batch| decode::attempts(batch, &self.info), check)
     }
 
     pub(crate) fn objects(&self, shard: u32) -> Result<impl Iterator<Item = Result<ObjectRecord, Failure>>, Failure> {
@@ -359,8 +359,7 @@ impl Dataset {
         let of_scene = Part { offset: in_group * self.info.attempts_per_scene as usize, limit: Some(attempts), ..part };
         let mut objects = self.read(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models))?;
         objects.retain(|object| object.scene_id == scene_id);
-        let attempts =
-            self.read(shard, Table::Attempts, of_scene, |batch| decode::attempts(batch, &self.info.models))?;
+        let attempts = self.read(shard, Table::Attempts, of_scene, |batch| decode::attempts(batch, &self.info))?;
         let scene = self.read(shard, Table::Scenes, one, |batch| decode::scenes(batch, &self.info))?;
         let scene = scene.into_iter().find(|scene| scene.scene_id == scene_id);
         let missing = || self.wrong(shard, Table::Scenes, &format!("scene {scene_id} is not where it should be"));

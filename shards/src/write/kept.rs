@@ -117,7 +117,7 @@ fn open<'a>(place: Place<'a>, shard: u32) -> Result<Rows<'a, SceneRows>, String>
     let (objects, attempts) = (table(Table::Objects, BATCH_ROWS)?, table(Table::Attempts, BATCH_ROWS)?);
     let mut scenes = decoded(scenes, |batch| decode::scenes(batch, info));
     let mut objects = decoded(objects, |batch| decode::objects(batch, &info.models)).peekable();
-    let mut attempts = decoded(attempts, |batch| decode::attempts(batch, &info.models)).peekable();
+    let mut attempts = decoded(attempts, |batch| decode::attempts(batch, info)).peekable();
     let mut left = info.scenes_of(shard);
     let mut next = move || {
         let Some(scene) = scenes.next().transpose()? else { return Ok(None) };

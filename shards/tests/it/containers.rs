@@ -1,4 +1,5 @@
-//! Datasets with containers: their scenes say what the objects lie in, and all other datasets stay as they are.
+//! Datasets with containers or with repeated attempts: what only they have comes back, and all other datasets stay as
+//! they are.
 
 use schema::{Container, ContainerKind, HitKind, Outcome};
 use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, verify};
@@ -48,6 +49,39 @@ fn a_scene_says_what_its_objects_lie_in() {
         let card = std::fs::read_to_string(dir.path().join("README.md")).unwrap();
         assert!(card.contains("| `container_height_m` |"), "{card}");
     }
+}
+
+/// Datasets whose attempts were repeated have one column more, and no other dataset has it.
+#[test]
+fn an_attempt_says_how_robust_it_was() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut info = synthetic::info(3, 1, 120, 60);
+    info.grid.resolution = 8;
+    info.config["robustness"] = serde_json::json!({"share": 1.0});
+    info.format_version = FormatVersion::REPEATS;
+    let rows = |scene: u64| synthetic::scene_rows(scene, info.seed, &info);
+    let draft = Draft::begin(dir.path(), &info).unwrap();
+    let mut writer = draft.shard(0).unwrap();
+    (0..info.scene_count).for_each(|scene| writer.push(&rows(scene)).unwrap());
+    writer.commit().unwrap();
+    assert!(matches!(draft.finalize().unwrap(), Finalized::Complete(_)));
+    assert!(verify(dir.path(), |_| ()).unwrap().is_ok());
+    let dataset = Dataset::open(dir.path()).unwrap();
+    let read: Vec<_> = (0..info.scene_count).map(|scene| dataset.read_scene(scene).unwrap()).collect();
+    assert!(read.iter().zip(0..).all(|(read, scene)| *read == rows(scene)));
+    let robust = read.iter().flat_map(|rows| &rows.attempts).filter(|attempt| attempt.robustness.is_some());
+    assert!(robust.count() > 10);
+    // What did not hold was not repeated.
+    let refused = |robustness: f32, outcome: Outcome| {
+        let mut wrong = rows(0);
+        let attempt = wrong.attempts.iter_mut().find(|attempt| attempt.outcome == outcome).unwrap();
+        attempt.robustness = Some(robustness);
+        let other = tempfile::tempdir().unwrap();
+        let draft = Draft::begin(other.path(), &info).unwrap();
+        draft.shard(0).unwrap().push(&wrong).unwrap_err().to_string()
+    };
+    assert!(refused(0.5, Outcome::Slipped).contains("robustness must be absent for slipped"));
+    assert!(refused(1.5, Outcome::Held).contains("robustness must be between 0 and 1, got 1.5"));
 }
 
 #[test]

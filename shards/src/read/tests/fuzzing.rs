@@ -52,7 +52,7 @@ fn read_table(data: &[u8]) -> Result<(), String> {
             let checked = |row: &AttemptRecord| check::attempt(row, info.hand_of(row.scene_id));
             let of_scene = Part { offset: 3, limit: Some(3), batch_rows: 8192, ..one };
             let read = [whole, of_scene]
-                .map(|part| rows(&file, expected, part, |batch| decode::attempts(batch, &info.models), checked));
+                .map(|part| rows(&file, expected, part, |batch| decode::attempts(batch, &info), checked));
             read.into_iter().collect()
         }
         Table::Objects => {
