@@ -1,7 +1,7 @@
 //! The judge decides: hands are proposed on what was seen, and the network says how each attempt would end.
 
 use network::checkpoint::Checkpoint;
-use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, probabilities};
+use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, probabilities, robustness};
 use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Stream};
@@ -38,7 +38,13 @@ pub struct ScoredGrasp {
     pub grasp: Grasp,
     /// Probabilities in the order of [`Outcome::ALL`].
     pub outcomes: [f32; OUTCOMES],
+    /// If it holds, the share of repeats with other masses, other friction and slightly moved grasps that would, too;
+    /// `None` of a judge that did not learn it.
+    pub robustness: Option<f32>,
 }
+
+/// What the network says of a hand.
+type Answer = ([f32; OUTCOMES], Option<f32>);
 
 impl ScoredGrasp {
     /// The probability that it holds.
@@ -124,19 +130,22 @@ impl Judge {
         let mirrored = [[true, false], [false, true], [true, true]];
         let again: Vec<_> = mirrored.par_iter().map(|mirrored| self.judge(scene, &hands, *mirrored)).collect();
         for outcomes in again {
-            for (judged, outcomes) in best.iter_mut().zip(outcomes) {
+            for (judged, (outcomes, robustness)) in best.iter_mut().zip(outcomes) {
                 judged.outcomes.iter_mut().zip(outcomes).for_each(|(sum, outcome)| *sum += outcome);
+                judged.robustness = judged.robustness.zip(robustness).map(|(sum, share)| sum + share);
             }
         }
+        let images = (1 + mirrored.len()) as f32;
         for judged in &mut best {
-            judged.outcomes = judged.outcomes.map(|sum| sum / (1 + mirrored.len()) as f32);
+            judged.outcomes = judged.outcomes.map(|sum| sum / images);
+            judged.robustness = judged.robustness.map(|sum| sum / images);
         }
         best.extend(rest);
         sorted(best)
     }
 
-    /// The probabilities of the outcomes of hands, which are seen mirrored or not.
-    fn judge(&self, (grid, views): (&PaddedGrid, usize), hands: &[Grasp], mirrored: [bool; 2]) -> Vec<[f32; OUTCOMES]> {
+    /// What the network says of hands, which are seen mirrored or not.
+    fn judge(&self, (grid, views): (&PaddedGrid, usize), hands: &[Grasp], mirrored: [bool; 2]) -> Vec<Answer> {
         if hands.is_empty() {
             return Vec::new();
         }
@@ -144,12 +153,19 @@ impl Judge {
         for Grasp { workspace_from_grasp, .. } in hands {
             inputs.push(&self.crop, grid, workspace_from_grasp, views, mirrored);
         }
-        self.network.forward(&inputs).logits().map(|logits| probabilities(&logits)).collect()
+        let is_robust = self.network.has_robustness();
+        let answer = |logits| (probabilities(&logits), is_robust.then(|| robustness(&logits)));
+        self.network.forward(&inputs).logits().map(answer).collect()
     }
 }
 
-fn pair(hands: &[Grasp], outcomes: &[[f32; OUTCOMES]]) -> Vec<ScoredGrasp> {
-    hands.iter().zip(outcomes).map(|(grasp, outcomes)| ScoredGrasp { grasp: *grasp, outcomes: *outcomes }).collect()
+fn pair(hands: &[Grasp], answers: &[Answer]) -> Vec<ScoredGrasp> {
+    let scored = |(grasp, (outcomes, robustness)): (&Grasp, &Answer)| ScoredGrasp {
+        grasp: *grasp,
+        outcomes: *outcomes,
+        robustness: *robustness,
+    };
+    hands.iter().zip(answers).map(scored).collect()
 }
 
 /// Best first; last those whose answers are not numbers, as of weights that overflow.

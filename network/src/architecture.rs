@@ -127,7 +127,7 @@ impl Architecture {
     pub fn layers(&self) -> &'static [LayerShape] {
         match self {
             Self::Voxel(_) => &layers::LAYERS,
-            Self::Judge(_) => &judge::LAYERS,
+            Self::Judge(scope) => scope.layers(),
         }
     }
 
@@ -142,7 +142,7 @@ impl Architecture {
     pub fn initial_vector(&self, seed: u64) -> Vec<f32> {
         match self {
             Self::Voxel(_) => layers::initial_vector(seed),
-            Self::Judge(_) => judge::initial_vector(seed),
+            Self::Judge(scope) => judge::initial_vector(seed)[..layers::count_of(scope.layers())].to_vec(),
         }
     }
 

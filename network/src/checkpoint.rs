@@ -262,7 +262,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("judge");
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
-        let scope = Scope::of(&[gripper], 0.07, Grid::PAPER);
+        let scope = Scope::of(&[gripper], 0.07, Grid::PAPER, true);
         let architecture = Architecture::Judge(Box::new(scope));
         let judge = Checkpoint {
             vector: architecture.initial_vector(1),

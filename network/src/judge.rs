@@ -20,13 +20,16 @@ use crate::voxel::TransposedWeights;
 
 pub use crop::{BOX, CHANNELS, Crop, FACTS, PaddedGrid, WIDE_BOX, WIDE_CHANNELS};
 
-/// Number of outcomes, the network's outputs.
+/// Number of outcomes.
 pub const OUTCOMES: usize = Outcome::ALL.len();
+/// The network's outputs: a logit for each outcome, then that of the robustness.
+pub const OUTPUTS: usize = OUTCOMES + 1;
 
 /// All layers, in the order of their parameters in the flat vector. The first four see the crop, the next two the
 /// surroundings. From `head1` on, positions are one: its inputs are what `reduce` and `wide2` give, x slowest and
-/// channels fastest, then the facts.
-pub const LAYERS: [LayerShape; 9] = [
+/// channels fastest, then the facts. The last is beside `head3`; judges that learned from attempts without repeats lack
+/// it.
+pub const LAYERS: [LayerShape; 10] = [
     layer("conv1", CHANNELS, 16, 3, 2),
     layer("conv2", 16, 32, 3, 2),
     layer("conv3", 32, 32, 3, 1),
@@ -36,6 +39,7 @@ pub const LAYERS: [LayerShape; 9] = [
     layer("head1", ROW, 128, 1, 1),
     layer("head2", 128, 64, 1, 1),
     layer("head3", 64, OUTCOMES, 1, 1),
+    layer("robustness", 64, 1, 1, 1),
 ];
 
 /// Channels of a position before the head.
@@ -52,7 +56,7 @@ const CONVS: usize = 6;
 const PADDED: [bool; CONVS] = [true, true, false, false, true, false];
 const CUT_OFF: [bool; CONVS] = [true, true, true, false, true, false];
 
-static LAYOUT: LazyLock<Layout> = LazyLock::new(|| Layout::new(&LAYERS, LAYERS.len() - 1));
+static LAYOUT: LazyLock<Layout> = LazyLock::new(|| Layout::new(&LAYERS, LAYERS.len() - 2));
 
 /// What a judge was trained for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -67,15 +71,23 @@ pub struct Scope {
     pub pregrasp_distance_m: f32,
     /// The grid of the TSDF, and the table's height in it.
     pub grid: Grid,
+    /// Whether it says how robust a grasp is: whether it learned from attempts that were repeated.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub robustness: bool,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_false(value: &bool) -> bool {
+    !*value
 }
 
 /// A hand may lie outside of those of training by this share of their range.
 const EDGE_SHARE: f32 = 0.03;
 
 impl Scope {
-    /// The scope of a judge that is trained with these hands, at least one.
+    /// The scope of a judge that is trained with these hands, at least one, and with repeated attempts or without.
     #[must_use]
-    pub fn of(hands: &[Gripper], pregrasp_distance_m: f32, grid: Grid) -> Self {
+    pub fn of(hands: &[Gripper], pregrasp_distance_m: f32, grid: Grid, robustness: bool) -> Self {
         let span = |number: usize| {
             let values = hands.iter().map(|hand| hand.numbers()[number].1);
             values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
@@ -84,7 +96,7 @@ impl Scope {
         let spans = spans.then(|| std::array::from_fn(span));
         // Where a hand is mounted decides no label, and is not stored.
         let gripper = Gripper { flange_from_grasp: None, ..hands[0].clone() };
-        Self { gripper, hands: spans, pregrasp_distance_m, grid }
+        Self { gripper, hands: spans, pregrasp_distance_m, grid, robustness }
     }
 
     /// The hand or the number of different hands in words.
@@ -94,6 +106,12 @@ impl Scope {
             None => format!("the hand {}", self.gripper.name),
             Some(spans) => format!("hands that open {} m", shown(spans[0])),
         }
+    }
+
+    /// The judge's layers.
+    #[must_use]
+    pub fn layers(&self) -> &'static [LayerShape] {
+        &LAYERS[..LAYERS.len() - usize::from(!self.robustness)]
     }
 
     /// Whether a judge of this scope may be asked about this hand in this grid: about the hand that it was trained
@@ -134,6 +152,8 @@ fn shown([low, high]: [f32; 2]) -> String {
 pub struct JudgeNetwork {
     parameters: Parameters,
     convs: [Conv; CONVS],
+    /// Length of the flat vector.
+    len: usize,
 }
 
 /// Hands as the judge sees them, added by [`JudgeInputs::push`].
@@ -201,14 +221,15 @@ pub struct JudgeActivations {
 }
 
 impl JudgeActivations {
-    /// The logits of the outcomes, in the order of [`Outcome::ALL`], for each hand.
-    pub fn logits(&self) -> impl Iterator<Item = [f32; OUTCOMES]> {
+    /// The outputs for each hand: the logits of the outcomes, in the order of [`Outcome::ALL`], then that of the
+    /// robustness, which is 0 for judges without it.
+    pub fn logits(&self) -> impl Iterator<Item = [f32; OUTPUTS]> {
         from_lanes(&self.logits)
     }
 }
 
 impl JudgeNetwork {
-    /// `vector` as [`crate::layers::slots_of`] lays out [`LAYERS`].
+    /// `vector` as [`crate::layers::slots_of`] lays out [`Scope::layers`].
     ///
     /// # Panics
     /// If it has another length.
@@ -224,7 +245,17 @@ impl JudgeNetwork {
             extent = output_of(layer, extent, padding);
             conv
         });
-        Self { parameters: Parameters::from_vector(&LAYOUT, vector), convs }
+        let mut whole = vector.to_vec();
+        if vector.len() == count_of(&LAYERS[..LAYERS.len() - 1]) {
+            whole.resize(count_of(&LAYERS), 0.0);
+        }
+        Self { parameters: Parameters::from_vector(&LAYOUT, &whole), convs, len: vector.len() }
+    }
+
+    /// Whether it says how robust a grasp is.
+    #[must_use]
+    pub fn has_robustness(&self) -> bool {
+        self.len == count_of(&LAYERS)
     }
 
     /// The weights for [`Self::gradient`].
@@ -268,7 +299,7 @@ impl JudgeNetwork {
         TransposedWeights(transposed): &TransposedWeights,
         inputs: &JudgeInputs,
         seen: &JudgeActivations,
-        d_logits: &[[f32; OUTCOMES]],
+        d_logits: &[[f32; OUTPUTS]],
     ) -> Vec<f32> {
         let mut sum = Parameters::zeros(&LAYOUT);
         let mut through = |number: usize, conv: &Conv, inputs: &[f32], gradients: &[f32]| {
@@ -295,7 +326,9 @@ impl JudgeNetwork {
         through(0, conv1, &inputs.crops, &conv1.through_relu(first, &d));
         let d = through(5, wide2, &seen.wide, &part(SEEN, SEEN_WIDE));
         through(4, wide1, &inputs.wide, &wide1.through_relu(&seen.wide, &d));
-        sum.to_vector()
+        let mut gradient = sum.to_vector();
+        gradient.truncate(self.len);
+        gradient
     }
 }
 
@@ -316,6 +349,7 @@ pub fn initial_vector(seed: u64) -> Vec<f32> {
 /// The head's layers as products with one row a hand.
 fn heads(hands: usize) -> [Conv; 3] {
     [0, 1, 2].map(|number| {
+        // The last is `head3` with the robustness beside it, which fits into the same lanes.
         let LayerShape { channels_in, channels_out, .. } = LAYERS[CONVS + number];
         Conv::of_rows(hands, channels_in, channels_out.next_multiple_of(LANES))
     })
@@ -323,20 +357,28 @@ fn heads(hands: usize) -> [Conv; 3] {
 
 /// The logit of the probability that a hand holds, from the logits of the outcomes.
 #[must_use]
-pub fn quality_logit(logits: &[f32; OUTCOMES]) -> f32 {
+pub fn quality_logit(logits: &[f32; OUTPUTS]) -> f32 {
     let held = Outcome::Held as usize;
-    let others = || logits.iter().enumerate().filter(|(outcome, _)| *outcome != held).map(|(_, logit)| *logit);
+    let others =
+        || logits[..OUTCOMES].iter().enumerate().filter(|(outcome, _)| *outcome != held).map(|(_, logit)| *logit);
     let most = others().fold(f32::NEG_INFINITY, f32::max);
     logits[held] - (most + libm::logf(others().map(|logit| libm::expf(logit - most)).sum()))
 }
 
 /// The probabilities of the outcomes.
 #[must_use]
-pub fn probabilities(logits: &[f32; OUTCOMES]) -> [f32; OUTCOMES] {
+pub fn probabilities(logits: &[f32; OUTPUTS]) -> [f32; OUTCOMES] {
+    let logits: [f32; OUTCOMES] = std::array::from_fn(|outcome| logits[outcome]);
     let most = logits.iter().fold(f32::NEG_INFINITY, |most, logit| most.max(*logit));
     let parts = logits.map(|logit| libm::expf(logit - most));
     let sum: f32 = parts.iter().sum();
     parts.map(|part| part / sum)
+}
+
+/// The expected share of a held grasp's repeats that hold.
+#[must_use]
+pub fn robustness(logits: &[f32; OUTPUTS]) -> f32 {
+    1.0 / (1.0 + libm::expf(-logits[OUTCOMES]))
 }
 
 #[cfg(test)]
@@ -362,7 +404,7 @@ mod tests {
             let document = settings::Document::parse(&text, std::path::Path::new("test.toml")).unwrap();
             document.read::<Held>().unwrap().gripper
         };
-        let many = Scope::of(read("any_jaw").all(), 0.05, Grid::PAPER);
+        let many = Scope::of(read("any_jaw").all(), 0.05, Grid::PAPER, false);
         for (name, _) in Gripper::BUILT_IN {
             many.must_match(&read(name).all()[0], &Grid::PAPER).unwrap();
         }
@@ -370,7 +412,7 @@ mod tests {
         let wide = Gripper { opening_m_max: 0.2, ..own.clone() };
         let told = many.must_match(&wide, &Grid::PAPER).unwrap_err().to_string();
         assert!(told.contains("opening_m_max must be 0.0") && told.ends_with("got 0.2"), "{told}");
-        let one = Scope::of(std::slice::from_ref(&own), 0.05, Grid::PAPER);
+        let one = Scope::of(std::slice::from_ref(&own), 0.05, Grid::PAPER, false);
         assert_eq!(one.hands, None);
         one.must_match(&Gripper { name: "mine".to_owned(), ..own.clone() }, &Grid::PAPER).unwrap();
         let told = one.must_match(&Gripper { friction: 0.81, ..own }, &Grid::PAPER).unwrap_err().to_string();
@@ -433,14 +475,11 @@ mod tests {
         x.extend(convolved_by::<WIDE_CHANNELS>(vector, &LAYERS[4..CONVS], WIDE_BOX, wide));
         x.extend(inputs.facts[hand].iter().map(|fact| f64::from(*fact)));
         assert_eq!(x.len(), ROW);
-        for (number, layer) in LAYERS.iter().enumerate().skip(CONVS) {
-            let n = [1, 1, 1];
-            x = convolved(vector, layer, n, &x).1;
-            if number + 1 < LAYERS.len() {
-                x.iter_mut().for_each(|value| *value = value.max(0.0));
-            }
+        let dense = |layer: &LayerShape, x: &[f64]| convolved(vector, layer, [1, 1, 1], x).1;
+        for layer in &LAYERS[CONVS..CONVS + 2] {
+            x = dense(layer, &x).into_iter().map(|value| value.max(0.0)).collect();
         }
-        x
+        LAYERS[CONVS + 2..].iter().flat_map(|layer| dense(layer, &x)).collect()
     }
 
     /// Boxes of random values with zeros around them.
@@ -463,6 +502,21 @@ mod tests {
         JudgeInputs { crops, wide, facts }
     }
 
+    /// A judge without the last layer answers as one with it, and does not train it.
+    #[test]
+    fn judges_without_robustness_are_judges() {
+        let (vector, inputs) = (initial_vector(3), inputs(2));
+        let without = &vector[..count_of(&LAYERS[..LAYERS.len() - 1])];
+        let [whole, part] = [&vector[..], without].map(JudgeNetwork::new);
+        assert!(whole.has_robustness() && !part.has_robustness());
+        for (whole, part) in whole.forward(&inputs).logits().zip(part.forward(&inputs).logits()) {
+            assert_eq!((whole[..OUTCOMES].to_vec(), part[OUTCOMES]), (part[..OUTCOMES].to_vec(), 0.0));
+            assert!(whole[OUTCOMES] != 0.0);
+        }
+        let gradient = part.gradient(&part.transposed(), &inputs, &part.forward(&inputs), &[[0.5; OUTPUTS]; 2]);
+        assert_eq!(gradient.len(), without.len());
+    }
+
     #[test]
     fn logits_are_those_of_the_definition() {
         let (vector, inputs) = (initial_vector(3), inputs(3));
@@ -482,7 +536,7 @@ mod tests {
         let (vector, inputs) = (initial_vector(4), inputs(2));
         let network = JudgeNetwork::new(&vector);
         let mut stream = Stream::new(6, 0, Purpose::Views, 0);
-        let d_logits: Vec<[f32; OUTCOMES]> =
+        let d_logits: Vec<[f32; OUTPUTS]> =
             (0..2).map(|_| std::array::from_fn(|_| stream.uniform(-1.0, 1.0))).collect();
         let gradient = network.gradient(&network.transposed(), &inputs, &network.forward(&inputs), &d_logits);
         assert_eq!(gradient.len(), count_of(&LAYERS));
@@ -517,7 +571,7 @@ mod tests {
 
     #[test]
     fn quality_is_the_share_of_held() {
-        let logits = [0.3, -1.0, 2.0, 0.0, -3.0, 1.5];
+        let logits = [0.3, -1.0, 2.0, 0.0, -3.0, 1.5, 0.7];
         let held = f64::from(probabilities(&logits)[Outcome::Held as usize]);
         let quality = 1.0 / (1.0 + libm::exp(-f64::from(quality_logit(&logits))));
         assert!((held - quality).abs() < 1e-6, "{held} {quality}");

@@ -62,7 +62,8 @@ fn selected(hands: &[ScoredGrasp], request: &Request<'_>) -> Candidates {
     let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&ScoredGrasp>::new(), Vec::new(), 0);
     for judged in hands {
         let pose = towards_wrist(&judged.grasp.workspace_from_grasp, request.options.wrist());
-        let grasp = RankedGrasp::new(pose, None, judged.quality(), None);
+        let grasp =
+            RankedGrasp { robustness: judged.robustness, ..RankedGrasp::new(pose, None, judged.quality(), None) };
         let reason = if grasp.quality.is_nan() {
             Some(RejectReason::NotANumber)
         } else if grasp.quality < epsilon {

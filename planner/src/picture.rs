@@ -242,6 +242,7 @@ mod tests {
             width_seen_share: None,
             opening_m: width_m,
             quality,
+            robustness: None,
             object: Some(object),
             rho_m: Some(0.031),
             voxel: None,

@@ -50,6 +50,9 @@ pub struct RankedGrasp {
     pub opening_m: f32,
     /// Grasp quality, smoothed, between 0 and 1.
     pub quality: f32,
+    /// Of a judge: if the grasp holds, the share of repeats with heavier objects, less friction and slightly moved grasps
+    /// that would hold, too; null of one that did not learn it, and of networks of voxels.
+    pub robustness: Option<f32>,
     /// Index into `objects`; null without an object.
     pub object: Option<usize>,
     /// Eq. 8's ρ in metres: weighted distance to the object's centroid over quality; null without an object.
@@ -73,6 +76,7 @@ impl RankedGrasp {
             width_seen_share: None,
             opening_m: 0.0,
             quality,
+            robustness: None,
             object: None,
             rho_m: None,
             voxel,

@@ -52,9 +52,10 @@ pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stre
     }
 }
 
-/// The quality, and a little more where the width is known.
+/// The quality times the robustness, where that is known, and a little more where the width is known.
 fn sureness(ranked: &RankedGrasp) -> f32 {
-    ranked.quality + if ranked.width_m.is_some() { AS_SURE } else { 0.0 }
+    let bonus = if ranked.width_m.is_some() { AS_SURE } else { 0.0 };
+    ranked.quality * ranked.robustness.unwrap_or(1.0) + bonus
 }
 
 /// Objects are numbered from the top; grasps without an object come last.
@@ -89,6 +90,7 @@ mod tests {
             width_seen_share: None,
             opening_m: 0.05,
             quality,
+            robustness: None,
             object: None,
             rho_m: None,
             voxel: None,

@@ -43,6 +43,8 @@ class Grasp:
         object: Index into the plan's objects, or ``None``.
         camera_from_grasp: ``[4, 4]`` in the optical frame of the first camera, or of a cloud's camera if the table was found.
         width_seen_share: Share of the ends of what is between the fingers that were seen; ``None`` if nothing was measured.
+        robustness: If it holds, the share of repeats with heavier objects, less friction and slightly moved grasps that would
+            hold, too, as a judge expects it; ``None`` of networks that did not learn it.
         base_from_grasp: ``[4, 4]`` in the robot's base, if that was given, by ``base_from_workspace`` or ``base_from_camera``.
         workspace_from_flange: ``[4, 4]``, if the gripper has a ``flange_from_grasp``.
         base_from_flange: ``[4, 4]``, if both are known.
@@ -55,6 +57,7 @@ class Grasp:
     object: int | None
     camera_from_grasp: NDArray[np.float64] | None = None
     width_seen_share: float | None = None
+    robustness: float | None = None
     base_from_grasp: NDArray[np.float64] | None = None
     workspace_from_flange: NDArray[np.float64] | None = None
     base_from_flange: NDArray[np.float64] | None = None
@@ -154,6 +157,7 @@ class Plan(Immutable, Sequence[Grasp]):
                 row["quality"],
                 row["object"],
                 width_seen_share=row["width_seen_share"],
+                robustness=row["robustness"],
                 **{name: None if row[name] is None else _matrix(row[name]) for name in frames},
             )
             for row in self.answer["grasps"]

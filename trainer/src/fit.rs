@@ -177,7 +177,12 @@ fn load<'a, M: Method>(
 fn first_vector(architecture: &Architecture, config: &Config, from: Option<&Checkpoint>) -> Result<Vec<f32>, Failure> {
     match from {
         None => Ok(architecture.initial_vector(config.seed)),
-        Some(from) if can_begin_with(&from.architecture, architecture) => Ok(from.vector.clone()),
+        Some(from) if can_begin_with(&from.architecture, architecture) => {
+            // What the other did not learn, the robustness, is the last layer.
+            let mut vector = architecture.initial_vector(config.seed);
+            vector.iter_mut().zip(&from.vector).for_each(|(own, from)| *own = *from);
+            Ok(vector)
+        }
         Some(_) => Err(Failure::new(
             ExitCode::Config,
             "the weights of --from are another network's than the recipe's, or a judge's of another grid",
@@ -197,7 +202,8 @@ fn can_begin_with(from: &Architecture, own: &Architecture) -> bool {
 pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Device) -> Result<Architecture, Failure> {
     let hands: Vec<Gripper> = hands_of(datasets).cloned().collect();
     let info = datasets[0].info();
-    let scope = Scope::of(&hands, info.procedure.pregrasp_distance_m, info.grid);
+    let robustness = datasets.iter().any(|dataset| dataset.info().has_repeats());
+    let scope = Scope::of(&hands, info.procedure.pregrasp_distance_m, info.grid, robustness);
     match config.network.kind {
         Kind::Voxel if scope.hands.is_some() => {
             let text = "the voxel network has no gripper input: train it on data of one hand, or a judge on these";

@@ -41,7 +41,7 @@ impl Method for Judge {
     fn samples(&self, shard: &Shard<'_>, Rows { attempts, views, .. }: Rows<'_>) -> (Vec<Sample>, u64) {
         let count = shard.dataset.info().hands().len() as u64;
         let sample = |attempt: &AttemptRecord| {
-            let AttemptRecord { scene_id, workspace_from_grasp, outcome, .. } = *attempt;
+            let AttemptRecord { scene_id, workspace_from_grasp, outcome, robustness, .. } = *attempt;
             let crop = shard.first_hand + (scene_id % count) as usize;
             let data = JudgeSample {
                 crop: crop as u16,
@@ -49,6 +49,7 @@ impl Method for Judge {
                 views: views as u8,
                 mirrored: [false; 2],
                 outcome,
+                robustness,
                 hits_table: self.crops[crop].hits_table(&workspace_from_grasp),
             };
             Sample { id: shard.id(attempt), grid: 0, data }

@@ -19,6 +19,8 @@ pub struct SampleResult {
     pub grasp: Option<GraspResult>,
     /// What arithmetic alone says of a judge's hand ([`network::judge::Crop::clearance`]); not asked in training.
     pub clearance: Option<f32>,
+    /// Of a judge where the attempt was repeated: the share of its repeats that it expects to hold, and the true one.
+    pub robustness: Option<(f32, f32)>,
 }
 
 /// The losses of a predicted grasp.

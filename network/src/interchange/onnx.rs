@@ -31,18 +31,20 @@ const DOC: &str = "Volumetric grasp network. In: tsdf [batch, 1, 40, 40, 40], tr
                    hand's orientation in the workspace as a unit quaternion x, y, z, w; width [batch, 1, ...], the \
                    opening in voxels.";
 
-/// The judge's inputs and output.
+/// The judge's inputs and outputs.
 const CROP: &str = "crop";
 const WIDE: &str = "surroundings";
 const KNOWN: &str = "facts";
 const ANSWER: &str = "outcomes";
+const ROBUSTNESS: &str = "robustness";
 /// The shape of the head's inputs, as products of matrices over one position.
 const ROW: &str = "row.shape";
 
 const JUDGE_DOC: &str = "A judge of hands. In: crop [batch, 4, 8, 20, 28] and surroundings [batch, 3, 12, 8, 8], the \
                          TSDF in the hand's frame, and facts [batch, 16], as scripts/judge_onnx.py computes them. Out: \
                          outcomes [batch, 6], the probabilities of pregrasp_collision, approach_collision, \
-                         empty, slipped, hit_other and held.";
+                         empty, slipped, hit_other and held; and where it learned from repeated attempts \
+                         robustness [batch, 1], the share of a held grasp's repeats that hold.";
 
 /// The ONNX file of a checkpoint's network.
 pub(super) fn model(checkpoint: &Checkpoint) -> Vec<u8> {
@@ -93,21 +95,21 @@ fn graph(checkpoint: &Checkpoint, name: &str) -> Message {
             vec![volume(INPUT, 1)],
             OUTPUTS.map(|(name, channels)| volume(name, channels)).to_vec(),
         ),
-        Architecture::Judge(_) => {
+        Architecture::Judge(scope) => {
             let volume = |name: &str, channels: usize, [x, y, z]: [usize; 3]| {
                 tensor(name, &[channels as i64, x as i64, y as i64, z as i64])
             };
             let row = Message::new().integers(1, &[5]).integer(2, INT64).text(8, ROW);
             let row = row.bytes(9, &[0, -1, 1, 1, 1].map(i64::to_le_bytes).concat());
             (
-                judge_nodes(),
+                judge_nodes(scope.robustness),
                 vec![row],
                 vec![
                     volume(CROP, CHANNELS, BOX),
                     volume(WIDE, WIDE_CHANNELS, WIDE_BOX),
                     tensor(KNOWN, &[FACTS as i64]),
                 ],
-                vec![tensor(ANSWER, &[OUTCOMES as i64])],
+                judge_outputs(scope.robustness),
             )
         }
     };
@@ -119,8 +121,14 @@ fn graph(checkpoint: &Checkpoint, name: &str) -> Message {
         .messages(12, &outputs)
 }
 
-fn judge_nodes() -> Vec<Message> {
-    let [conv1, conv2, conv3, reduce, wide1, wide2, head1, head2, head3] = judge::LAYERS;
+/// The probabilities of the outcomes, and the robustness of judges that say it.
+fn judge_outputs(has_robustness: bool) -> Vec<Message> {
+    let robustness = has_robustness.then(|| tensor(ROBUSTNESS, &[1]));
+    [tensor(ANSWER, &[OUTCOMES as i64])].into_iter().chain(robustness).collect()
+}
+
+fn judge_nodes(has_robustness: bool) -> Vec<Message> {
+    let [conv1, conv2, conv3, reduce, wide1, wide2, head1, head2, head3, robustness] = judge::LAYERS;
     let mut nodes = Vec::new();
     for (input, activations, last) in [(CROP, &[conv1, conv2, conv3][..], reduce), (WIDE, &[wide1], wide2)] {
         let mut x = input.to_owned();
@@ -148,6 +156,13 @@ fn judge_nodes() -> Vec<Message> {
         node("Flatten", &["logits.shaped"], "logits", &[integer("axis", 1)]),
         node("Softmax", &["logits"], ANSWER, &[integer("axis", 1)]),
     ]);
+    if has_robustness {
+        nodes.extend([
+            convolution(robustness, &x, "robustness.shaped"),
+            node("Flatten", &["robustness.shaped"], "robustness.logit", &[integer("axis", 1)]),
+            node("Sigmoid", &["robustness.logit"], ROBUSTNESS, &[]),
+        ]);
+    }
     nodes
 }
 

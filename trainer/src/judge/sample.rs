@@ -18,6 +18,8 @@ pub struct JudgeSample {
     pub mirrored: [bool; 2],
     /// How the attempt ended.
     pub outcome: Outcome,
+    /// Of its repeats the share that held, where there were some.
+    pub robustness: Option<f32>,
     /// Whether the hand hits the table, so that nothing is asked.
     pub hits_table: bool,
 }

@@ -32,8 +32,44 @@ pub struct HandScores {
     pub best_held: Option<f64>,
     /// Wilson's 95 % interval of that share.
     pub best_held_95: Option<(f64, f64)>,
+    /// How well the share of repeats that hold is foretold, of attempts that were repeated.
+    pub robustness: Option<RobustnessScores>,
     /// By outcome.
     pub by_outcome: BTreeMap<&'static str, Summary>,
+}
+
+/// The robustness that a judge expects beside the true one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RobustnessScores {
+    /// Attempts that were repeated.
+    pub attempts: usize,
+    /// Mean share of their repeats that held.
+    pub mean: f64,
+    /// Mean expected share.
+    pub mean_expected: f64,
+    /// Mean size of the difference …
+    pub mean_error: f64,
+    /// … and that of an answer that is the mean for all.
+    pub mean_error_of_mean: f64,
+}
+
+impl RobustnessScores {
+    fn of(found: &[Answer]) -> Option<Self> {
+        let pairs: Vec<[f64; 2]> = found
+            .iter()
+            .filter_map(|(_, result)| result.robustness)
+            .map(|(expected, share)| [f64::from(expected), f64::from(share)])
+            .collect();
+        let over_all = |value: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(value).sum::<f64>() / pairs.len() as f64;
+        let mean = over_all(&|[_, share]| *share);
+        (!pairs.is_empty()).then(|| Self {
+            attempts: pairs.len(),
+            mean,
+            mean_expected: over_all(&|[expected, _]| *expected),
+            mean_error: over_all(&|[expected, share]| (expected - share).abs()),
+            mean_error_of_mean: over_all(&|[_, share]| (mean - share).abs()),
+        })
+    }
 }
 
 /// Results on some of the attempts.
@@ -136,6 +172,7 @@ pub(super) fn hand_scores(found: &[Answer]) -> HandScores {
         scenes_with_held: with_held,
         best_held: (with_held > 0).then(|| best_held as f64 / with_held as f64),
         best_held_95: (with_held > 0).then(|| counts.interval()),
+        robustness: RobustnessScores::of(found),
         by_outcome: summaries(found.iter().map(|(sample, result)| (sample.data.outcome.name(), result))),
     }
 }

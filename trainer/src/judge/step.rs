@@ -1,10 +1,11 @@
 //! The judge's loss and its gradient over a batch: the cross-entropy of the outcomes, unweighted, so that their
-//! probabilities are calibrated.
+//! probabilities are calibrated, and, for attempts that were repeated, that of the share that held.
 //!
 //! Where arithmetic knows that the hand hits the table, the network is not asked: the attempt fails, without a loss.
 
 use network::judge::{
-    Crop, JudgeActivations, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, probabilities, quality_logit,
+    Crop, JudgeActivations, JudgeInputs, JudgeNetwork, OUTCOMES, OUTPUTS, PaddedGrid, probabilities, quality_logit,
+    robustness,
 };
 use network::receptive_field::RESOLUTION;
 use rayon::prelude::*;
@@ -78,20 +79,23 @@ fn results<'a>(
     let crops = inputs.crops.chunks_exact(Crop::LEN);
     seen.logits().zip(samples).zip(crops).map(move |((logits, sample), crop)| {
         let loss = -libm::logf(probabilities(&logits)[sample.data.outcome as usize].max(f32::MIN_POSITIVE));
+        let robustness = sample.data.robustness.map(|share| (robustness(&logits), share));
         // Propagate NaN, so that training detects divergence.
         let loss = if logits.iter().all(|logit| logit.is_finite()) { loss } else { f32::NAN };
-        result(loss, quality_logit(&logits), clearance(crop), sample)
+        SampleResult { robustness, ..result(loss, quality_logit(&logits), clearance(crop), sample) }
     })
 }
 
 fn result(loss: f32, quality_logit: f32, clearance: Option<f32>, sample: &Sample) -> SampleResult {
     let label = sample.data.outcome.label();
-    SampleResult { total: loss, quality: loss, quality_logit, label, grasp: None, clearance }
+    SampleResult { total: loss, quality: loss, quality_logit, label, grasp: None, clearance, robustness: None }
 }
 
-/// The gradient of `weight` times the cross-entropy at the logits.
-fn d_loss(logits: &[f32; OUTCOMES], sample: &Sample, weight: f32) -> [f32; OUTCOMES] {
-    let mut d = probabilities(logits).map(|probability| weight * probability);
+/// The gradient of `weight` times the cross-entropies at the logits.
+fn d_loss(logits: &[f32; OUTPUTS], sample: &Sample, weight: f32) -> [f32; OUTPUTS] {
+    let mut d = [0.0; OUTPUTS];
+    d[..OUTCOMES].copy_from_slice(&probabilities(logits).map(|probability| weight * probability));
     d[sample.data.outcome as usize] -= weight;
+    d[OUTCOMES] = sample.data.robustness.map_or(0.0, |share| weight * (robustness(logits) - share));
     d
 }

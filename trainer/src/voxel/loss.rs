@@ -166,7 +166,7 @@ pub fn sample_loss(heads: &[f32; HEAD_OUTPUTS], target: &Target) -> SampleResult
     let width = off * off * label;
     let total = quality + rotation + width * WIDTH_WEIGHT;
     let grasp = Some(GraspResult { rotation, width, predicted: unit });
-    SampleResult { total, quality, quality_logit: logit, label: target.label, grasp, clearance: None }
+    SampleResult { total, quality, quality_logit: logit, label: target.label, grasp, clearance: None, robustness: None }
 }
 
 /// The gradient of `weight` · L at the heads.

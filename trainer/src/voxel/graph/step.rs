@@ -150,6 +150,7 @@ fn results(part: &BatchPart<'_>, prediction: Prediction, losses: SampleLosses) -
             quality_logit: logits[at],
             label: target.label,
             clearance: None,
+            robustness: None,
         })
         .collect()
 }
