@@ -256,11 +256,7 @@ mod tests {
             let objects = own.table_mut()["objects"].as_table_mut().unwrap();
             OF_PRIMITIVES.iter().for_each(|key| drop(objects.remove(*key)));
             objects.insert("catalogue".to_owned(), catalogue.clone().into());
-            let set = [
-                ("shares.rules", "0.0"),
-                ("shares.proposals", "0.45"),
-                ("packed.height_m", low_m),
-            ];
+            let set = [("shares.rules", "0.0"), ("shares.proposals", "0.45"), ("packed.height_m", low_m)];
             let set = set.map(|(key, value)| (key.to_owned(), value.to_owned()));
             Config::read(own, Overrides { set: &set, ..Overrides::default() })
         };

@@ -21,10 +21,11 @@ use super::action::{Action, Step};
 const GENERATE: [&str; 2] = [include_str!("../../../configs/generate/judge.toml"), "configs/generate/judge.toml"];
 const PLAN: [&str; 2] = [include_str!("../../../configs/plan/judge.toml"), "configs/plan/judge.toml"];
 /// The experiments of a pipeline.
-const EXPERIMENTS: [(&str, &str); 3] = [
+const EXPERIMENTS: [(&str, &str); 4] = [
     ("pile", include_str!("../../../configs/experiment/pile.toml")),
     ("packed", include_str!("../../../configs/experiment/packed.toml")),
     ("giga-pile", include_str!("../../../configs/experiment/giga-pile.toml")),
+    ("bin", include_str!("../../../configs/experiment/bin.toml")),
 ];
 
 /// The judge of many hands, and its path in the source tree.
@@ -46,7 +47,7 @@ const EPOCHS: u32 = 10;
 /// Attempts of the test set.
 const TEST_ATTEMPTS: u64 = 60_000;
 /// Attempts of a scene in the generator's settings, and shards of a dataset, if it has so many scenes.
-const ATTEMPTS_PER_SCENE: u64 = 60;
+const ATTEMPTS_PER_SCENE: u64 = 120;
 const SHARDS_MAX: u64 = 64;
 /// In experiments lies what the hand can span.
 const VIABLE: [&str; 2] = ["objects.viable_only", "true"];
@@ -170,7 +171,10 @@ impl Pipeline {
             table.insert("view_kinds".to_owned(), Value::Array(vec![Value::Table(kind)]));
         }
         if let Some(catalogue) = catalogue {
-            table.remove("packed");
+            // A catalogue of somebody may have nothing of these sizes.
+            if self.objects != Some(Objects::Household) {
+                table.remove("packed");
+            }
             let own = ["counts", "count_weights", "drop_height_m"];
             if let Some(Value::Table(objects)) = table.get_mut("objects") {
                 objects.retain(|key, _| own.contains(&key));
@@ -403,7 +407,7 @@ mod tests {
         let steps = pipeline("wsg_50", None, Views::Anywhere).steps().unwrap();
         assert_eq!(
             kinds(&steps),
-            ["generate", "fit", "generate", "fit", "generate", "evaluate", "experiment", "experiment", "experiment"]
+            [&["generate", "fit", "generate", "fit", "generate", "evaluate"][..], &["experiment"; 4]].concat()
         );
         let datasets = steps.iter().filter_map(|step| match &step.action {
             Action::Generate { attempts, seed, policy, .. } => Some((*attempts, *seed, policy.as_deref())),
@@ -456,19 +460,16 @@ mod tests {
         let from = PathBuf::from("/out/from.safetensors");
         let pipeline = Pipeline { from: Some(from.clone()), ..pipeline("wsg_50", None, Views::Anywhere) };
         let steps = pipeline.steps().unwrap();
-        assert_eq!(
-            kinds(&steps),
-            ["generate", "fit", "generate", "evaluate", "experiment", "experiment", "experiment"]
-        );
+        assert_eq!(kinds(&steps), [&["generate", "fit", "generate", "evaluate"][..], &["experiment"; 4]].concat());
         let first = steps[0].action.command();
         assert!(first.contains("--attempts 90000") && first.contains("--set spanned_share=0.75"), "{first}");
         assert!(first.contains("--policy /out/from.safetensors"), "{first}");
         assert!(matches!(&steps[1].action, Action::Fit { from: Some(file), .. } if *file == from));
         assert!(!steps[2].action.command().contains("--policy"), "the test set has no judge's choices");
-        // 15 times a pilot of 20 s, 10 times its first step, and 3 experiments of a minute.
+        // 15 times a pilot of 20 s, 10 times its first step, and 4 experiments of a minute.
         let (pilot, steps) = pipeline.pilot(Path::new("/pilot")).unwrap();
         assert_eq!((steps.len(), pilot.from), (2, Some(from)));
-        assert_eq!(pipeline.time(&[Duration::from_secs(10); 2]).as_secs(), 15 * 20 + 10 * 10 + 3 * 60);
+        assert_eq!(pipeline.time(&[Duration::from_secs(10); 2]).as_secs(), 15 * 20 + 10 * 10 + 4 * 60);
     }
 
     #[test]
@@ -492,13 +493,13 @@ mod tests {
     fn a_judge_of_many_hands_is_tried_with_each_built_in_one() {
         let pipeline = pipeline("any_jaw", None, Views::Anywhere);
         assert_eq!(pipeline.tried_hands().unwrap().len(), Gripper::BUILT_IN.len());
-        assert_eq!(pipeline.steps().unwrap().len(), 6 + 3 * Gripper::BUILT_IN.len());
+        assert_eq!(pipeline.steps().unwrap().len(), 6 + 4 * Gripper::BUILT_IN.len());
         assert_eq!(file(&pipeline, "plan-wsg_50.toml")["gripper"].as_str(), Some("wsg_50"));
-        // 15 times a pilot of 40 s, 30 times its first step, and 21 experiments of a minute.
+        // 15 times a pilot of 40 s, 30 times its first step, and 28 experiments of a minute.
         let (_, steps) = pipeline.pilot(Path::new("/pilot")).unwrap();
         let spent = [Duration::from_secs(10); 4];
         assert_eq!(steps.len(), spent.len());
-        assert_eq!(pipeline.time(&spent).as_secs(), 15 * 40 + 30 * 10 + 21 * 60);
+        assert_eq!(pipeline.time(&spent).as_secs(), 15 * 40 + 30 * 10 + 28 * 60);
     }
 
     #[test]
@@ -538,12 +539,13 @@ mod tests {
         assert_eq!(things["shares"]["rules"].as_float(), Some(0.0));
         assert_eq!(kinds(&pipeline.steps().unwrap()).iter().filter(|kind| **kind == "generate").count(), 6);
         let household = Pipeline { objects: Some(Objects::Household), ..pipeline };
+        assert!(file(&household, "generate-objects.toml").contains_key("packed"));
         let split = |name: &str| file(&household, name)["objects"]["catalogue"]["split"].as_str().map(str::to_owned);
         assert_eq!(split("generate-objects.toml").as_deref(), Some("train"));
         assert_eq!(split("tried-objects.toml").as_deref(), Some("held-out"));
         let steps = household.steps().unwrap();
         assert!(steps.last().unwrap().action.command().ends_with("--set scene=/out/tried-objects.toml"));
-        assert_eq!(kinds(&steps).iter().filter(|kind| **kind == "experiment").count(), 4);
+        assert_eq!(kinds(&steps).iter().filter(|kind| **kind == "experiment").count(), 5);
         let pipeline = household;
         let wrong = Pipeline { hand: "three_fingers".to_owned(), ..pipeline };
         assert!(wrong.steps().unwrap_err().to_string().contains("three_fingers"));
