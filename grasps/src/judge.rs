@@ -4,7 +4,7 @@ use network::checkpoint::Checkpoint;
 use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, probabilities, robustness};
 use program::Failure;
 use rayon::prelude::*;
-use schema::{Grasp, Grid, Gripper, Outcome, Stream};
+use schema::{Grasp, Grid, Gripper, Outcome, Stream, Vec3};
 
 use crate::{CandidateSampler, ObservedScene, Space};
 
@@ -16,6 +16,10 @@ const SURE: f32 = 0.95;
 const SURE_MIN: usize = 3;
 /// … up to this many times in all.
 const SEARCHES_MAX: usize = 4;
+/// A further search is for hands nearer than this to one that holds with more than this probability: most of what is seen
+/// of a bin is wall, which no hand can lift.
+const NEAR_M: f32 = 0.03;
+const HOPE: f32 = 0.1;
 /// Number of the best hands that are moved to where they fit better, if the judge is as sure of them there …
 const MOVED: usize = 32;
 /// … but for this.
@@ -98,8 +102,9 @@ impl Judge {
         let scene = (&space.padded, seen.views);
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let mut judged: Vec<ScoredGrasp> = Vec::new();
+        let mut wanted = <[Vec<usize>; 2]>::default();
         for _ in 0..SEARCHES_MAX {
-            let mut hands = self.sampler.search(&space, proposals, stream);
+            let mut hands = self.sampler.search(&space, &wanted, proposals, stream);
             let is_bare = hands.is_empty();
             hands.retain(is_wanted);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
@@ -107,6 +112,7 @@ impl Judge {
             if is_bare || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {
                 break;
             }
+            wanted = space.near(&hopeful_m(&judged), NEAR_M);
         }
         let (mut best, mut rest) = (sorted(judged), Vec::new());
         let moved: Vec<Option<Grasp>> =
@@ -157,6 +163,12 @@ impl Judge {
         let answer = |logits| (probabilities(&logits), is_robust.then(|| robustness(&logits)));
         self.network.forward(&inputs).logits().map(answer).collect()
     }
+}
+
+/// Where the best hands have their tips that may hold.
+fn hopeful_m(judged: &[ScoredGrasp]) -> Vec<Vec3> {
+    let hopeful = judged.iter().filter(|judged| judged.quality() > HOPE);
+    hopeful.map(|judged| judged.grasp.workspace_from_grasp.translation).collect()
 }
 
 fn pair(hands: &[Grasp], answers: &[Answer]) -> Vec<ScoredGrasp> {

@@ -92,11 +92,12 @@ struct Draw {
 }
 
 impl Draw {
-    /// `surfaces`: all of it, and where a finger can close.
-    fn new(surfaces: &[Vec<(Vec3, Vec3)>; 2], stream: &mut Stream) -> Self {
+    /// `surfaces`: all of it, and where a finger can close; of these points only `wanted`, where there are some.
+    fn new(surfaces: &[Vec<(Vec3, Vec3)>; 2], wanted: &[Vec<usize>; 2], stream: &mut Stream) -> Self {
         let closes = stream.uniform(0.0, 1.0) < CLOSING_SHARE && !surfaces[1].is_empty();
+        let (all, wanted) = (&surfaces[usize::from(closes)], &wanted[usize::from(closes)]);
         Self {
-            point: stream.index(surfaces[usize::from(closes)].len()),
+            point: if wanted.is_empty() { stream.index(all.len()) } else { wanted[stream.index(wanted.len())] },
             closes,
             turn_rad: stream.uniform(-1.0, 1.0),
             tilt_rad: stream.uniform(0.0, TILT_RAD_MAX),
@@ -122,17 +123,17 @@ impl CandidateSampler {
     /// more are found. A pure function of its arguments, whatever the number of threads.
     #[must_use]
     pub fn sample(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
-        self.search(&Space::new(field, None, field.lattice.corners_m()), count, stream)
+        self.search(&Space::new(field, None, field.lattice.corners_m()), &Default::default(), count, stream)
     }
 
-    /// [`Self::sample`] in a scene that is prepared, for several searches.
-    fn search(&self, space: &Space<'_>, count: usize, stream: &mut Stream) -> Vec<Grasp> {
+    /// [`Self::sample`] in a scene that is prepared, for several searches, on the `wanted` points of its surfaces.
+    fn search(&self, space: &Space<'_>, wanted: &[Vec<usize>; 2], count: usize, stream: &mut Stream) -> Vec<Grasp> {
         let mut found = Vec::with_capacity(count);
         if space.surfaces[0].is_empty() {
             return found;
         }
         for _ in 0..(count * TRIES_MAX).div_ceil(ROUND) {
-            let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&space.surfaces, stream)).collect();
+            let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&space.surfaces, wanted, stream)).collect();
             let hand = |draw: &Draw| self.hand(space, space.surfaces[usize::from(draw.closes)][draw.point], draw);
             let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(hand).collect();
             found.extend(round.into_iter().flatten());
@@ -229,6 +230,13 @@ impl<'a> Space<'a> {
             per_m: 1.0 / field.lattice.voxel_size_m,
             sides: Vec3::from_array(field.lattice.counts.map(|count| count as f32)),
         }
+    }
+
+    /// The points of the surfaces that are nearer than `near_m` to one of some places.
+    fn near(&self, places_m: &[Vec3], near_m: f32) -> [Vec<usize>; 2] {
+        let is_near = |at: Vec3| places_m.iter().any(|place| (at - *place).length_squared() < near_m * near_m);
+        let near = |surface: &Vec<(Vec3, Vec3)>| (0..surface.len()).filter(|n| is_near(surface[*n].0)).collect();
+        self.surfaces.each_ref().map(near)
     }
 
     /// The value of the voxel around a point, which is given in voxels; 0 where nothing was observed.
