@@ -6,6 +6,9 @@ use wide::f32x4;
 use super::contact::lanes;
 use crate::hand::{GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M};
 
+/// How far beyond its widest opening a finger gives way.
+const STOP_M: f32 = 0.001;
+
 /// A hand's palm and fingers.
 pub(super) struct Jaws {
     /// As when the hand is open and at the origin.
@@ -187,8 +190,15 @@ impl Jaws {
         }
     }
 
+    /// Contacts have the last word on velocities, but no finger opens further than its stop: what is jammed between it
+    /// and a wall would push it out of the hand.
     pub(super) fn advance(&mut self, substep_s: f32) {
         for finger in &mut self.fingers {
+            let closing_m_s = (finger.velocity_m_s - self.palm_velocity_m_s.y) * finger.inward;
+            let slowest = (-STOP_M - finger.travel_m).min(0.0) / substep_s;
+            if closing_m_s < slowest {
+                finger.velocity_m_s = self.palm_velocity_m_s.y + slowest * finger.inward;
+            }
             finger.way_m += finger.velocity_m_s * substep_s;
         }
     }
@@ -198,5 +208,37 @@ impl Jaws {
             finger.y_m += finger.way_m;
         }
         self.palm_m += self.palm_velocity_m_s * step_s;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// However hard contacts push, in whatever direction the hand moves.
+    #[test]
+    fn no_finger_opens_further_than_its_stop() {
+        let gripper = Gripper::from_toml(include_str!("../../../configs/grippers/parallel_jaw_80.toml")).unwrap();
+        let (step_s, count) = (1.0 / 240.0, 4);
+        for palm_m_s in [-0.3, 0.0, 0.3] {
+            let mut jaws = Jaws::new(&gripper, 0.0, [0.04; 2]);
+            for step in 1..=30 {
+                jaws.move_to(Vec3::new(0.0, palm_m_s * step_s * step as f32, 0.0), step_s);
+                let closed_m = jaws.closed_m();
+                jaws.begin_step();
+                for substep in 0..count {
+                    let substep_s = step_s / count as f32;
+                    jaws.begin_substep(closed_m, substep_s * substep as f32);
+                    // Outwards: the left finger closes along +y.
+                    jaws.push(1, f32x4::from([0.0, 0.2, 0.0, 0.0]));
+                    jaws.push(2, f32x4::from([0.0, -0.2, 0.0, 0.0]));
+                    jaws.advance(substep_s);
+                }
+                jaws.end_step(step_s);
+            }
+            for closed_m in jaws.closed_m() {
+                assert!((-1.01e-3..-0.9e-3).contains(&closed_m), "{palm_m_s}: {closed_m}");
+            }
+        }
     }
 }
