@@ -9,7 +9,7 @@ use report::document::{Block, Cell, Document, Picture, Table};
 use report::figure::{BLUE, Bars, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 
 use super::Evaluation;
-use crate::judge::scores::{HandScores, Scores};
+use crate::judge::scores::{HandScores, RobustnessScores, Scores};
 use crate::metrics::Summary;
 use crate::scores::{BINS, Spread};
 
@@ -197,18 +197,31 @@ fn numbers(evaluation: &Evaluation) -> Table {
             },
         )
     };
-    let more = evaluation.hands.as_ref().map_or_else(|| grasps().collect(), |hands| hand_rows(hands).to_vec());
+    let more = evaluation.hands.as_ref().map_or_else(|| grasps().collect(), |hands| hand_rows(hands));
     Table::new(["what", "value", "meaning"], rows.into_iter().chain(more))
 }
 
 /// What only a judge's evaluation has.
-fn hand_rows(hands: &HandScores) -> [Vec<Cell>; 3] {
-    let HandScores { table_free, scenes_with_held, best_held, .. } = hands;
+fn hand_rows(hands: &HandScores) -> Vec<Vec<Cell>> {
+    let HandScores { table_free, scenes_with_held, best_held, robustness, .. } = hands;
     let (precision_95, best_95) = (range(hands.average_precision_95_by_scene), range(hands.best_held_95));
     let row = |what: &str, value: String, meaning: &str| vec![what.into(), Cell::Number(value), Cell::note(meaning)];
     let [accuracy, auc, precision] =
         [table_free.all.accuracy, table_free.roc_auc, table_free.average_precision].map(number);
-    [
+    let robust = robustness.map(|robust| {
+        let RobustnessScores { attempts, mean, mean_expected, mean_error, mean_error_of_mean } = robust;
+        row(
+            &format!("robustness: mean error, {attempts} attempts that were repeated"),
+            number(Some(mean_error)),
+            &format!(
+                "mean share of repeats that held {}, expected {}; answering {0} for all, the error is {}",
+                number(Some(mean)),
+                number(Some(mean_expected)),
+                number(Some(mean_error_of_mean))
+            ),
+        )
+    });
+    let rows = [
         row(
             &format!("accuracy, {} attempts that do not hit the table", table_free.all.samples),
             accuracy,
@@ -224,7 +237,8 @@ fn hand_rows(hands: &HandScores) -> [Vec<Cell>; 3] {
             number(*best_held),
             &format!("of the scenes in which some attempt held; 95 % interval {best_95}"),
         ),
-    ]
+    ];
+    rows.into_iter().chain(robust).collect()
 }
 
 /// The judge beside what arithmetic gives without a network.
