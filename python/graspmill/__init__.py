@@ -23,7 +23,7 @@ from .errors import DataError, GraspmillError, IncompleteError, InputError, Inte
 from .grippers import Gripper
 from .pages import Page
 from .planner import Grasp, Plan, Planner, PlanOptions
-from .scene import HITS, OUTCOMES, Object, Outcomes, Scene, execute, tsdf
+from .scene import HITS, OUTCOMES, Container, Object, Outcomes, Scene, execute, tsdf
 
 # Threads that still work then must not come back to an interpreter that ends.
 _atexit.register(_native.end)
@@ -38,6 +38,7 @@ __all__ = [
     "HITS",
     "OUTCOMES",
     "Camera",
+    "Container",
     "DataError",
     "Dataset",
     "Grasp",

@@ -182,15 +182,49 @@ def _is_closed(triangles: NDArray[Any]) -> bool:
     return len(there) == len(edges) and np.array_equal(there, back)
 
 
+@dataclass(frozen=True)
+class Container(Immutable):
+    """What objects lie in: it stands on the table in the middle of the workspace, its sides along x and y, and never moves.
+
+    Attributes:
+        kind: ``bin`` and ``tray`` have four walls; a ``shelf`` has a back at +y, two sides and a board over them.
+        inner_m: Lengths along x and y between the walls' upper edges, ``(x, y)``.
+        height_m: Height of the walls above the table; a shelf's board lies on them.
+        thickness_m: Thickness of walls and board.
+        slope_rad: How far the walls lean outwards.
+        workspace_size_m: Side of the workspace, into which it must fit.
+    """
+
+    kind: str
+    inner_m: tuple[float, float]
+    height_m: float
+    thickness_m: float = 0.004
+    slope_rad: float = 0.0
+    workspace_size_m: float = 0.30
+
+    @classmethod
+    def _of(cls, plain: tuple[str, Sequence[float], float]) -> Container:
+        kind, (x_m, y_m, height_m, thickness_m, slope_rad), size_m = plain
+        return cls(kind, (x_m, y_m), height_m, thickness_m, slope_rad, size_m)
+
+    def _plain(self) -> tuple[str, list[float], float]:
+        lengths = [*_arrays.floats("inner_m", self.inner_m, (2,)), self.height_m, self.thickness_m, self.slope_rad]
+        sizes = [float(part) for part in _arrays.floats("container", lengths, (5,))]
+        return _arrays.text("kind", self.kind), sizes, _arrays.number("workspace_size_m", self.workspace_size_m, 0.05, 5.0)
+
+
 class Scene(Immutable):
-    """Objects on a table. A scene of a dataset has its container, too, which stays where it is.
+    """Objects on a table, or in a container on it.
 
     Args:
         objects: The objects at their poses; :meth:`settle` lets them come to rest.
         table_z_m: Height of the table's top in the workspace, in metres; 0.05 in the shipped configs.
+        container: What they lie in, if anything.
     """
 
-    def __init__(self, objects: Iterable[Object], *, table_z_m: float = 0.05) -> None:
+    def __init__(self, objects: Iterable[Object], *, table_z_m: float = 0.05, container: Container | None = None) -> None:
+        if not (container is None or isinstance(container, Container)):
+            raise InputError(f"container must be a graspmill.Container, got {_arrays.shown(container)}")
         given = _arrays.listed("objects", objects)
         for number, one in enumerate(given):
             if not isinstance(one, Object):
@@ -202,6 +236,7 @@ class Scene(Immutable):
             [one.friction for one in given],
             poses,
             _arrays.number("table_z_m", table_z_m, -1.0, 1.0),
+            None if container is None else container._plain(),
         )
         self._simulation: _native.Simulation | None = None
         #: The scene of a dataset that it is, or was before it settled again.
@@ -222,16 +257,15 @@ class Scene(Immutable):
         return made, rows
 
     @classmethod
-    def _again(cls, objects: list[Object], table_z_m: float, stored: tuple[_native.Dataset, int] | None) -> Scene:
+    def _again(
+        cls, objects: list[Object], table_z_m: float, container: Container | None, stored: tuple[_native.Dataset, int] | None
+    ) -> Scene:
         """What pickle makes: the simulation of a stored scene is read from its dataset."""
-        made = cls(objects, table_z_m=table_z_m)
-        if stored is None:
-            return made
-        whole = cls._of(stored)[0]
-        return whole._with(made._native.among(whole._native))
+        made = cls(objects, table_z_m=table_z_m, container=container)
+        return made if stored is None else cls._of(stored)[0]._with(made._native)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Scene._again, (self.objects, self.table_z_m, self._stored)
+        return Scene._again, (self.objects, self.table_z_m, self.container, self._stored)
 
     def __len__(self) -> int:
         return len(self._native)
@@ -256,6 +290,12 @@ class Scene(Immutable):
     def table_z_m(self) -> float:
         """Height of the table's top, in metres."""
         return self._native.table_z_m
+
+    @property
+    def container(self) -> Container | None:
+        """What the objects lie in; ``None`` on the bare table."""
+        plain = self._native.container
+        return None if plain is None else Container._of(plain)
 
     def settle(self, *, drop: bool = False, settings: Mapping[str, Any] | None = None) -> Scene:
         """The scene at rest, after simulation. Objects that leave the workspace are removed.

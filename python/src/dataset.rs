@@ -165,6 +165,7 @@ impl Dataset {
             grid: info.grid,
         };
         let found = PyDict::new(py);
+        let container = rows_.scene.container.map(|container| (container, info.grid.size_m));
         let SceneRows { scene: head, attempts, .. } = rows_;
         let cameras = head.views.iter().map(|view| view.workspace_from_camera(&info.grid));
         found.set_item("workspace_from_camera", rows(py, cameras)?)?;
@@ -180,7 +181,7 @@ impl Dataset {
         found.set_item("hit_object", array(py, attempts.iter().map(object).collect())?)?;
         let rules: Vec<&str> = attempts.iter().map(|row| row.rule.name()).collect();
         found.set_item("rule", rules)?;
-        Ok((Scene { scene }, simulation, found))
+        Ok((Scene { scene, container }, simulation, found))
     }
 
     /// The samples of some scenes of a shard, ascending, of voxels or of hands: their grids, flat in one array; of each

@@ -7,8 +7,8 @@ use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use schema::{
-    Camera, DepthImage, Grid, Gripper, HitKind, Intrinsics, Model, ModelPart, Outcome, Physics, Polyhedron, Pose,
-    Procedure, Quat, SettleParams, ShapeKind, Solid, Vec3,
+    Camera, Container, ContainerKind, DepthImage, Grid, Gripper, HitKind, Intrinsics, Model, ModelPart, Outcome,
+    Physics, Polyhedron, Pose, Procedure, Quat, SettleParams, ShapeKind, Solid, Vec3,
 };
 use serde_json::json;
 use simulator::{
@@ -257,11 +257,16 @@ fn crossings(corners_m: &[Vec3], triangles: &[[u32; 3]], resolution: u32) -> f32
 #[derive(Debug, Clone)]
 pub(crate) struct Scene {
     pub(crate) scene: simulator::Scene,
+    /// What the objects lie in, and the side of the workspace in whose middle it stands.
+    pub(crate) container: Option<(Container, f32)>,
 }
+
+/// A container as Python has it: its kind, its sizes, and the workspace's side.
+type PlainContainer = (String, [f32; 5], f32);
 
 #[pymethods]
 impl Scene {
-    /// Objects with their poses, `[N, 7]`, on a table of this height.
+    /// Objects with their poses, `[N, 7]`, on a table of this height, in a container or none.
     #[new]
     fn new(
         bodies: Vec<Py<Body>>,
@@ -269,7 +274,17 @@ impl Scene {
         frictions: Vec<f32>,
         workspace_from_object: PyReadonlyArray2<'_, f32>,
         table_z_m: f32,
-    ) -> Self {
+        container: Option<PlainContainer>,
+    ) -> PyResult<Self> {
+        let made = |(kind, sizes, size_m): PlainContainer| {
+            let names = || ContainerKind::ALL.map(ContainerKind::name).join(", ");
+            let kind = ContainerKind::from_name(&kind)
+                .ok_or_else(|| wrong(format!("kind must be one of {}, got {kind:?}", names())))?;
+            let (container, grid) = (Container::of_sizes(kind, sizes), Grid { size_m, table_z_m, ..Grid::PAPER });
+            container.check(&grid).map_err(|error| wrong(error.to_string()))?;
+            Ok::<_, PyErr>(((container, size_m), container.parts(&grid)))
+        };
+        let (container, fixtures) = container.map(made).transpose()?.unzip();
         let given = bodies.iter().zip(masses_kg).zip(frictions).zip(poses(&workspace_from_object));
         let object = |(((body, mass_kg), friction), at): (((&Py<Body>, f32), f32), Pose)| SceneObject {
             body: body.get().body.clone(),
@@ -277,7 +292,8 @@ impl Scene {
             friction,
             workspace_from_object: at,
         };
-        Self { scene: simulator::Scene { table_z_m, fixtures: Vec::new(), objects: given.map(object).collect() } }
+        let (fixtures, objects) = (fixtures.unwrap_or_default(), given.map(object).collect());
+        Ok(Self { scene: simulator::Scene { table_z_m, fixtures, objects }, container })
     }
 
     /// The scene at rest: objects dropped one by one into a box about the workspace, or let go where they are.
@@ -307,12 +323,13 @@ impl Scene {
             })
         };
         let Settled { scene, .. } = free(py, rest)?;
-        Ok(Self { scene })
+        Ok(Self { scene, container: self.container })
     }
 
-    /// The scene in the container of another.
-    fn among(&self, other: &Self) -> Self {
-        Self { scene: simulator::Scene { fixtures: other.scene.fixtures.clone(), ..self.scene.clone() } }
+    /// What the objects lie in.
+    #[getter]
+    fn container(&self) -> Option<PlainContainer> {
+        self.container.map(|(container, size_m)| (container.kind.name().to_owned(), container.sizes(), size_m))
     }
 
     /// The number of objects.

@@ -14,6 +14,8 @@ def test_a_stored_scene_keeps_its_container(tmp_path):
     settings = {"attempts_per_scene": 20}
     dataset = graspmill.generate(tmp_path / "ds", JUDGE, shards=1, attempts=160, seed=3, settings=settings)
     assert dataset.verify() == [] and "container" in graspmill.HITS
+    kinds = {stored.scene.container.kind for stored in dataset if stored.scene.container}
+    assert "bin" in kinds
     hits, walls = 0, 0
     for stored in dataset:
         camera, scene = stored.cameras[0], stored.scene
@@ -27,3 +29,38 @@ def test_a_stored_scene_keeps_its_container(tmp_path):
         assert (again.outcome == stored.outcomes.outcome).all() and (again.hit == stored.outcomes.hit).all()
         hits += int((again.hit == graspmill.HITS.index("container")).sum())
     assert walls >= 4 and hits > 10
+
+
+def _bin(**changes):
+    return graspmill.Container(**{"kind": "bin", "inner_m": (0.2, 0.16), "height_m": 0.08, **changes})
+
+
+def test_a_scene_in_a_container_made_by_hand():
+    block = graspmill.Object.cuboid((0.03, 0.03, 0.03), (0.15, 0.15, 0.065, 0, 0, 0, 1))
+    scene = graspmill.Scene([block], container=_bin())
+    assert scene.container == _bin(thickness_m=pytest.approx(0.004)) and scene.settle().container == scene.container
+    assert pickle.loads(pickle.dumps(scene)).container == scene.container
+    assert graspmill.Scene([block]).container is None
+    # The rim of the wall at +x is 80 mm above the table, 0.1 m beside the middle.
+    above = graspmill.Camera.look_at((0.15, 0.15, 0.65), (0.15, 0.15, 0.05))
+    depth, bare = scene.render(above), graspmill.Scene([block]).render(above)
+    walls = depth[depth != bare]
+    assert walls.min() == pytest.approx(0.6 - 0.08, abs=1e-5)
+    # A gripper from above whose fingers end in the wall.
+    at_wall = graspmill.execute(scene, [[0.252, 0.15, 0.10, 1, 0, 0, 0]], targets=[0])
+    assert graspmill.HITS[int(at_wall.hit[0])] == "container"
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"kind": "crate"}, "kind must be one of bin, tray, shelf"),
+        ({"inner_m": (0.4, 0.2)}, "fit into a workspace of 0.3 m"),
+        ({"height_m": -1.0}, "height_m must be between"),
+        ({"inner_m": 0.2}, "inner_m must"),
+        ({"thickness_m": float("nan")}, "container must"),
+    ],
+)
+def test_containers_that_cannot_be_are_refused(changes, message):
+    with pytest.raises(graspmill.InputError, match=message):
+        graspmill.Scene([], container=_bin(**changes))
