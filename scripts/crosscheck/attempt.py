@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import ceil
 from typing import Protocol
 
 import numpy as np
 
+from . import gate
 from .contract import (
     STOPPED_SPEED_M_S,
     STOPPED_TIME_S,
@@ -25,6 +27,8 @@ from .pose import Pose
 
 # Speed of the simulated approach (mode "own approach").
 APPROACH_SPEED_M_S = 0.1
+# A retreating hand is held against fixtures this often on its way.
+WAY_STEP_M = 0.002
 
 
 class Engine(Protocol):
@@ -70,7 +74,7 @@ class Engine(Protocol):
         """Deepest overlap of a finger with an object."""
 
     def nearest(self, target: int, reach_m: float) -> str | None:
-        """What the hand comes nearer to than `reach_m`: target, other, table; None if nothing."""
+        """What the hand comes nearer to than `reach_m`: target, other, container, table; None if nothing."""
 
 
 class Runner:
@@ -85,7 +89,7 @@ class Runner:
         self, attempt: Attempt, pose: Pose, watch: Callable[[str], None] | None = None
     ) -> Execution:
         """Puts the hand at the grasp, closes, retreats, holds."""
-        self._engine.begin(pose, retreat_direction(pose, self._procedure.retreat_cone_rad))
+        self._engine.begin(pose, self._retreat(pose))
         return self._close_and_lift(attempt, pose, watch or (lambda stage: None))
 
     def own_approach(self, attempt: Attempt, pose: Pose) -> Execution:
@@ -93,7 +97,7 @@ class Runner:
         procedure, engine, reach = self._procedure, self._engine, self._gripper.clearance_m
         approach = pose.rotation[:, 2]
         start = pose.moved(-approach * procedure.pregrasp_distance_m)
-        engine.begin(start, retreat_direction(pose, procedure.retreat_cone_rad))
+        engine.begin(start, self._retreat(pose))
         if hit := engine.nearest(attempt.target, reach):
             return Execution("pregrasp_collision", hit)
         count = steps(procedure.pregrasp_distance_m / APPROACH_SPEED_M_S, engine.step_rate_hz)
@@ -121,8 +125,16 @@ class Runner:
         if not held:
             return Execution("slipped", None, width, travel, sunk)
         width = self._width_m()
-        hit = pushed or self._raised(attempt, before)
+        hit = pushed or self._raised(attempt, before) or self._lifted_into_fixture(pose)
         return Execution("hit_other" if hit else "held", hit, width, travel, sunk)
+
+    def _retreat(self, pose: Pose) -> np.ndarray:
+        covered = gate.is_covered(self._scene.fixtures, pose)
+        return retreat_direction(pose, self._procedure.retreat_cone_rad, covered)
+
+    def _ways_m(self) -> list[np.ndarray]:
+        """How each finger has moved (3,), in the frame of the grasp."""
+        return [np.array([0.0, side * closed, 0.0]) for side, closed in zip((1, -1), self._engine.closed_m())]
 
     def _width_m(self) -> float:
         return max(self._gripper.opening_m_max - sum(self._engine.closed_m()), 0.0)
@@ -145,7 +157,7 @@ class Runner:
         """Whether the target moved with the hand and is still gripped, and how far it moved."""
         engine, procedure, rate = self._engine, self._procedure, self._engine.step_rate_hz
         distance = procedure.retreat_distance_m
-        direction = retreat_direction(pose, procedure.retreat_cone_rad)
+        direction = self._retreat(pose)
         moving = steps(distance / procedure.retreat_speed_m_s, rate)
         left, right = engine.closed_m()
         for step in range(1, moving + steps(procedure.hold_time_s, rate) + 1):
@@ -158,16 +170,25 @@ class Runner:
         return travel >= procedure.held_travel_share_min * distance and engine.grips(target), travel
 
     def _pushed(self, attempt: Attempt, pose: Pose, before: np.ndarray, after: np.ndarray) -> str | None:
-        """What the closing hand drove: another object, or the table, within half the clearance of a finger."""
+        """What the closing hand drove: another object; or what is within half the clearance of a finger's way."""
         moved = np.linalg.norm(after - before, axis=1)
         moved[attempt.target] = 0.0
         if (moved > self._procedure.other_push_m_max).any():
             return "other"
-        fingers = self._gripper.fingers(self._gripper.opening_m_max)
-        limit = self._environment.table_z_m + self._gripper.clearance_m / 2
-        inward = [np.array([0.0, side * closed, 0.0]) for side, closed in zip((1, -1), self._engine.closed_m())]
-        low = [lowest_z_m(box.shifted(offset), pose) < limit for box, offset in zip(fingers, inward)]
+        near_m = self._gripper.clearance_m / 2
+        fingers = list(zip(self._gripper.fingers(self._gripper.opening_m_max), self._ways_m()))
+        if gate.touches(self._scene.fixtures, [pose], [box.swept(way).grown(near_m) for box, way in fingers]):
+            return "container"
+        low = [lowest_z_m(box.shifted(way), pose) < self._environment.table_z_m + near_m for box, way in fingers]
         return "table" if any(low) else None
+
+    def _lifted_into_fixture(self, pose: Pose) -> str | None:
+        """Whether the hand, closed as it is, comes within half the clearance of a fixture anywhere on its retreat."""
+        ways, near_m = [*self._ways_m(), np.zeros(3)], self._gripper.clearance_m / 2
+        hand = [box.shifted(way).grown(near_m) for box, way in zip(self._gripper.open_hand(), ways)]
+        direction, distance = self._retreat(pose), self._procedure.retreat_distance_m
+        along = [pose.moved(direction * d) for d in np.linspace(0, distance, ceil(distance / WAY_STEP_M) + 1)]
+        return "container" if gate.touches(self._scene.fixtures, along, hand) else None
 
     def _raised(self, attempt: Attempt, before: np.ndarray) -> str | None:
         raised = (self._engine.positions_m() - before)[:, 2]

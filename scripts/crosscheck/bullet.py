@@ -18,7 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 import pybullet
 
+from .compound import box_of
 from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, HandBox, Scene, SceneObject
+from .hull import Hull
 from .pose import Pose
 from .solid import Solid
 
@@ -82,6 +84,7 @@ class Bullet:
         )
         pybullet.setGravity(0, 0, -self._environment.gravity_m_s2, physicsClientId=c)
         self._table = self._add_table()
+        self._fixtures = [self._add_fixture(part) for part in self._scene.fixtures]
         order = range(len(self._scene.objects))
         added = {i: self._add_object(self._scene.objects[i]) for i in (reversed(order) if options.backwards else order)}
         self.bodies = [added[i] for i in order]
@@ -95,6 +98,31 @@ class Bullet:
         table = pybullet.createMultiBody(0, shape, basePosition=centre, physicsClientId=self.client)
         self._surface(table, -1, self._environment.table_friction)
         return table
+
+    def _add_fixture(self, part: Hull) -> int:
+        shape, at = self._part(part)
+        fixture = pybullet.createMultiBody(
+            0, shape, basePosition=at.position_m, baseOrientation=at.quat_xyzw, physicsClientId=self.client
+        )
+        self._surface(fixture, -1, self._environment.table_friction)
+        return fixture
+
+    def _part(self, part: Hull) -> tuple[int, Pose]:
+        """A part's shape, and the frame that it is in: Bullet's box for a cuboid, else a hull, as for solids."""
+        c, margin = self.client, self.options.margin_m
+        box = box_of(part)
+        if box:
+            at, half = box
+            shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=c)
+        else:
+            at = Pose(part.centroid_m, np.array(NO_TURN))
+            corners = part.shrunk(margin) - at.position_m
+            shape = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=c)
+        # Only of a base can the margin be changed; bodies share their shapes.
+        carrier = pybullet.createMultiBody(0, shape, physicsClientId=c)
+        pybullet.changeDynamics(carrier, -1, collisionMargin=margin, physicsClientId=c)
+        pybullet.removeBody(carrier, physicsClientId=c)
+        return shape, at
 
     def _surface(self, body: int, link: int, friction: float, **more: object) -> None:
         pybullet.changeDynamics(
@@ -248,7 +276,8 @@ class Bullet:
     def nearest(self, target: int, reach_m: float) -> str | None:
         """What the hand comes nearer to than `reach_m`, by Bullet's own distance query."""
         others = [body for i, body in enumerate(self.bodies) if i != target]
-        for name, bodies in (("target", [self.bodies[target]]), ("other", others), ("table", [self._table])):
+        things = {"target": [self.bodies[target]], "other": others, "container": self._fixtures, "table": [self._table]}
+        for name, bodies in things.items():
             for body in bodies:
                 points = pybullet.getClosestPoints(self._hand, body, reach_m, physicsClientId=self.client)
                 if any(point[8] <= reach_m for point in points):

@@ -12,9 +12,8 @@ import numpy as np
 import pybullet
 
 from .bullet import NO_TURN, Bullet
-from .compound import Compound, box_of
+from .compound import Compound
 from .contract import SceneObject
-from .hull import Hull
 from .pose import Pose, product
 
 
@@ -51,22 +50,6 @@ class CompoundBullet(Bullet):
             self._surface(body, link, scene_object.friction)
         self._turns[body] = base.quat_xyzw
         return body
-
-    def _part(self, part: Hull) -> tuple[int, Pose]:
-        """A part's shape, and the frame that it is in: Bullet's box for a cuboid, else a hull, as for solids."""
-        c, margin = self.client, self.options.margin_m
-        box = box_of(part)
-        if box:
-            at, half = box
-            shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=c)
-        else:
-            at = Pose(part.centroid_m, np.array(NO_TURN))
-            corners = part.shrunk(margin) - at.position_m
-            shape = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=c)
-        carrier = pybullet.createMultiBody(0, shape, physicsClientId=c)
-        pybullet.changeDynamics(carrier, -1, collisionMargin=margin, physicsClientId=c)
-        pybullet.removeBody(carrier, physicsClientId=c)
-        return shape, at
 
     def _pose(self, body: int) -> Pose:
         """Where an object's centre of mass is, and how its frame is turned."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, cos
 
 import numpy as np
 
 from .compound import Compound
+from .hull import Hull
 from .pose import Pose
 from .solid import Solid
 
@@ -20,6 +22,8 @@ STOPPED_TIME_S = 0.025
 # The gear that ties the fingers to each other while they press.
 GEAR_STIFFNESS_N_M = 2_000.0
 GEAR_DAMPING_N_S_M = 20.0
+# Under a board the hand rises by this share of its way out.
+RISE = 0.2
 
 
 @dataclass(frozen=True)
@@ -29,10 +33,9 @@ class HandBox:
     centre_m: np.ndarray
     half_m: np.ndarray
 
-    def swept_back(self, distance_m: float) -> HandBox:
-        """What the box passes on a straight approach of that length along +z."""
-        shift = np.array([0.0, 0.0, distance_m / 2])
-        return HandBox(self.centre_m - shift, self.half_m + shift)
+    def swept(self, way_m: np.ndarray) -> HandBox:
+        """What the box passes on a straight way (3,) along one of the axes."""
+        return HandBox(self.centre_m + way_m / 2, self.half_m + np.abs(way_m) / 2)
 
     def shifted(self, offset_m: np.ndarray) -> HandBox:
         """The box moved by `offset_m` (3,)."""
@@ -133,16 +136,17 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Scene:
-    """Objects on a table, and the attempts on them."""
+    """Objects on a table, and the attempts on them. `fixtures`: convex parts in the workspace that never move."""
 
     scene_id: int
     objects: list[SceneObject]
     attempts: list[Attempt]
+    fixtures: Sequence[Hull] = ()
 
 
 @dataclass(frozen=True)
 class Execution:
-    """How an attempt ended. `hit` is target, other or table; `width_m` is NaN if the hand never closed.
+    """How an attempt ended. `hit` is target, other, container or table; `width_m` is NaN if the hand never closed.
 
     `travel_m`: how far the target came along the retreat. `sunk_m`: deepest overlap of a finger with the target after
     closing.
@@ -166,10 +170,14 @@ def smoothstep(share: float) -> float:
     return share * share * (3 - 2 * share)
 
 
-def retreat_direction(workspace_from_grasp: Pose, cone_rad: float) -> np.ndarray:
-    """Unit vector (3,): back along the approach if that is within `cone_rad` of straight down, else up."""
-    approach = workspace_from_grasp.rotation[:, 2]
-    return -approach if -approach[2] >= cos(cone_rad) else np.array([0.0, 0.0, 1.0])
+def retreat_direction(workspace_from_grasp: Pose, cone_rad: float, is_covered: bool = False) -> np.ndarray:
+    """Unit vector (3,): back along the approach if that is within `cone_rad` of straight down, else up; where the grasp
+    `is_covered`, as under a board, back and a little up."""
+    back, up = -workspace_from_grasp.rotation[:, 2], np.array([0.0, 0.0, 1.0])
+    if back[2] >= cos(cone_rad):
+        return back
+    out = back + RISE * up
+    return out / np.linalg.norm(out) if is_covered else up
 
 
 def lowest_z_m(box: HandBox, workspace_from_grasp: Pose) -> float:

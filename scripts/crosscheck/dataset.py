@@ -12,14 +12,16 @@ import pyarrow as pa
 import pyarrow.dataset as pads
 
 from .compound import Compound, body_of, compound_of
+from .container import Container
 from .contract import OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene, SceneObject
+from .hull import Hull
 from .pose import Pose
 
-# Of datasets of primitives, and of those whose info has models.
-FORMAT_VERSIONS = (1, 2, 3)
+FORMAT_VERSIONS = (1, 2, 3, 4, 5)
 POSE = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
 OBJECT_COLUMNS = ["scene_id", "object_id", "shape", "size_x_m", "size_y_m", "size_z_m", "mass_kg", "friction", *POSE]
 ATTEMPT_COLUMNS = ["scene_id", "attempt_id", "object_id", "shape", "rule", *POSE, "outcome", "hit", "width_m"]
+CONTAINER_SIZES = [f"container_{name}" for name in ("x_m", "y_m", "height_m", "thickness_m", "slope_rad")]
 
 
 class NoDataset(Exception):
@@ -58,9 +60,13 @@ def read(folder: Path, scene_count: int | None) -> Dataset:
         procedure = build(Procedure, info["procedure"])
         models = {m["name"]: compound_of(m["name"], [p["corners_m"] for p in m["parts"]]) for m in info.get("models", [])}
         total, seed, rate = int(info["scene_count"]), int(info["seed"]), float(physics["step_rate_hz"])
+        # Only containers need it.
+        size_m = float(info["grid"]["size_m"]) if "container" in info["config"] else None
     except (KeyError, TypeError, ValueError) as error:
         raise DamagedDataset(f"meta/info.json: {error!r}") from error
-    scenes = _read_scenes(folder, total if scene_count is None else min(scene_count, total), models)
+    count = total if scene_count is None else min(scene_count, total)
+    fixtures = {} if size_m is None else _read_fixtures(folder, count, size_m, environment.table_z_m)
+    scenes = _read_scenes(folder, count, models, fixtures)
     return Dataset(folder.resolve().name, seed, grippers, procedure, environment, rate, scenes, total)
 
 
@@ -72,8 +78,6 @@ def _read_info(folder: Path) -> dict:
         info = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise DamagedDataset(f"{path}: {error}") from error
-    if isinstance(info, dict) and isinstance(info.get("config"), dict) and "container" in info["config"]:
-        raise NoDataset(f"{path}: its scenes have containers, whose walls this program does not build in other engines")
     version = info.get("format_version") if isinstance(info, dict) else None
     if version not in FORMAT_VERSIONS:
         raise DamagedDataset(f"{path}: format version {version}, this program reads {FORMAT_VERSIONS[0]} to {FORMAT_VERSIONS[-1]}")
@@ -85,7 +89,21 @@ def build(kind: type, values: dict):
     return kind(**{field.name: values[field.name] for field in fields(kind)})
 
 
-def _read_scenes(folder: Path, count: int, models: dict[str, Compound]) -> list[Scene]:
+def _read_fixtures(folder: Path, count: int, size_m: float, table_z_m: float) -> dict[int, tuple[Hull, ...]]:
+    """The parts of the containers, by scene; none for the bare table."""
+    fixtures = {}
+    for row in _rows(folder, "scenes", ["scene_id", "container", *CONTAINER_SIZES], count):
+        if row["container"] is None:
+            continue
+        try:
+            x_m, y_m, *rest = (float(row[name]) for name in CONTAINER_SIZES)
+            fixtures[row["scene_id"]] = Container(row["container"], (x_m, y_m), *rest).parts(size_m, table_z_m)
+        except (ValueError, TypeError) as error:
+            raise DamagedDataset(f"scene {row['scene_id']}: container: {error}") from error
+    return fixtures
+
+
+def _read_scenes(folder: Path, count: int, models: dict[str, Compound], fixtures: dict[int, tuple[Hull, ...]]) -> list[Scene]:
     objects, attempts = defaultdict(list), defaultdict(list)
     for row in _rows(folder, "objects", OBJECT_COLUMNS, count):
         objects[row["scene_id"]].append(row)
@@ -94,7 +112,7 @@ def _read_scenes(folder: Path, count: int, models: dict[str, Compound]) -> list[
     missing = [scene for scene in range(count) if scene not in objects or scene not in attempts]
     if missing:
         raise DamagedDataset(f"{len(missing)} of {count} scenes have no objects or no attempts, first {missing[0]}")
-    return [_scene(scene, objects[scene], attempts[scene], models) for scene in range(count)]
+    return [_scene(scene, objects[scene], attempts[scene], models, fixtures.get(scene, ())) for scene in range(count)]
 
 
 def _rows(folder: Path, table: str, columns: list[str], count: int) -> list[dict]:
@@ -106,7 +124,9 @@ def _rows(folder: Path, table: str, columns: list[str], count: int) -> list[dict
     return rows
 
 
-def _scene(scene_id: int, objects: list[dict], attempts: list[dict], models: dict[str, Compound]) -> Scene:
+def _scene(
+    scene_id: int, objects: list[dict], attempts: list[dict], models: dict[str, Compound], fixtures: tuple[Hull, ...]
+) -> Scene:
     try:
         objects = sorted(objects, key=lambda row: row["object_id"])
         if [row["object_id"] for row in objects] != list(range(len(objects))):
@@ -115,7 +135,7 @@ def _scene(scene_id: int, objects: list[dict], attempts: list[dict], models: dic
         tried = [_attempt(row, len(made)) for row in sorted(attempts, key=lambda row: row["attempt_id"])]
     except (ValueError, TypeError) as error:
         raise DamagedDataset(f"scene {scene_id}: {error}") from error
-    return Scene(scene_id, made, tried)
+    return Scene(scene_id, made, tried, fixtures)
 
 
 def pose_of(row: dict) -> Pose:

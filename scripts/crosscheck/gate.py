@@ -1,19 +1,25 @@
 """A reimplementation of the geometric gate, which decides the attempts that are blocked before the hand closes.
 
 The approach is straight along the grasp's z, so what a box of the hand sweeps is a longer box. Boxes are grown by the
-clearance and tested against the objects' polyhedra by separating axes, in double precision, all attempts on an object at
+clearance and tested against the polyhedra of objects and container by separating axes, in double precision, all attempts on an object at
 once. `separation` keeps the widest gap along any axis, so that grazing cases can be distinguished from clear ones.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from .contract import Gripper, HandBox, Procedure, Scene
+from .contract import Gripper, HandBox, Procedure, Scene, lowest_z_m
+from .hull import Hull
 from .pose import Pose
 from .solid import Solid
+
+HOME = Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+# A fixture is looked for this far above a grasp, in a column of this half width.
+COVER_M, COVER_HALF_M = 0.5, 1e-3
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,7 @@ class GateResult:
     margin_m: float
 
 
-def separation(solid: Solid, rotations: np.ndarray, positions_m: np.ndarray, boxes: list[HandBox]) -> np.ndarray:
+def separation(solid: Solid | Hull, rotations: np.ndarray, positions_m: np.ndarray, boxes: list[HandBox]) -> np.ndarray:
     """Widest gap (a, b) in metres between a solid and each of b boxes, for a poses of the solid in the boxes' frame.
 
     `rotations` (a, 3, 3) and `positions_m` (a, 3) are grasp_from_object. Negative: overlap, by its least depth.
@@ -54,44 +60,51 @@ def judge(scene: Scene, poses: list[Pose], gripper: Gripper, procedure: Procedur
     back = np.array([0.0, 0.0, -procedure.pregrasp_distance_m])
     hand = gripper.open_hand()
     pregrasp = [box.shifted(back).grown(gripper.clearance_m) for box in hand]
-    approach = [box.swept_back(procedure.pregrasp_distance_m).grown(gripper.clearance_m) for box in hand]
-    rotations = np.stack([pose.rotation for pose in poses])
-    origins = np.stack([pose.position_m for pose in poses])
-    gaps = np.stack([_object_gaps(o, rotations, origins, pregrasp + approach) for o in scene.objects], axis=1)
-    table = _table_gaps(rotations, origins, pregrasp + approach, table_z_m)
-    return [
-        _verdict(gaps[row], table[row], attempt.target) for row, attempt in enumerate(scene.attempts)
-    ]
+    approach = [box.swept(back).grown(gripper.clearance_m) for box in hand]
+    boxes = pregrasp + approach
+    objects = np.stack([_gaps(o.solid.convexes, o.workspace_from_object, poses, boxes) for o in scene.objects], axis=1)
+    container, table = _gaps(scene.fixtures, HOME, poses, boxes), _table_gaps(poses, boxes, table_z_m)
+    results = []
+    for row, attempt in enumerate(scene.attempts):
+        others = np.delete(objects[row], attempt.target, axis=0).min(axis=0, initial=np.inf)
+        gaps = {"target": objects[row, attempt.target], "other": others, "container": container[row], "table": table[row]}
+        results.append(_verdict(gaps))
+    return results
 
 
-def _object_gaps(scene_object, rotations: np.ndarray, origins: np.ndarray, boxes: list[HandBox]) -> np.ndarray:
-    pose = scene_object.workspace_from_object
-    back = np.swapaxes(rotations, 1, 2)
-    turned, placed = back @ pose.rotation, np.einsum("aij,aj->ai", back, pose.position_m - origins)
-    return np.min([separation(part, turned, placed, boxes) for part in scene_object.solid.convexes], axis=0)
+def touches(fixtures: Sequence[Hull], poses: list[Pose], boxes: list[HandBox]) -> bool:
+    """Whether any of `boxes` in the frame of any of `poses` overlaps a fixture."""
+    return bool((_gaps(fixtures, HOME, poses, boxes) <= 0).any())
 
 
-def _table_gaps(rotations: np.ndarray, origins: np.ndarray, boxes: list[HandBox], table_z_m: float) -> np.ndarray:
+def is_covered(fixtures: Sequence[Hull], workspace_from_grasp: Pose) -> bool:
+    """Whether a fixture is straight above a grasp, as the board of a shelf."""
+    column = HandBox(np.zeros(3), np.full(3, COVER_HALF_M)).swept(np.array([0.0, 0.0, COVER_M]))
+    return touches(fixtures, [Pose(workspace_from_grasp.position_m, HOME.quat_xyzw)], [column])
+
+
+def _gaps(parts: Sequence[Solid | Hull], pose: Pose, grasps: list[Pose], boxes: list[HandBox]) -> np.ndarray:
+    """Gap (a, b) between the nearest of the parts, which are at `pose`, and every box; infinite without parts."""
+    back = np.stack([grasp.rotation.T for grasp in grasps])
+    apart = pose.position_m - np.stack([grasp.position_m for grasp in grasps])
+    turned, placed = back @ pose.rotation, np.einsum("aij,aj->ai", back, apart)
+    nearest = np.full((len(grasps), len(boxes)), np.inf)
+    for part in parts:
+        nearest = np.minimum(nearest, separation(part, turned, placed, boxes))
+    return nearest
+
+
+def _table_gaps(grasps: list[Pose], boxes: list[HandBox], table_z_m: float) -> np.ndarray:
     """Height (a, b) of every box above the table."""
-    centre = np.einsum("ai,bi->ab", rotations[:, 2], np.stack([box.centre_m for box in boxes])) + origins[:, 2:]
-    reach = np.einsum("ai,bi->ab", np.abs(rotations[:, 2]), np.stack([box.half_m for box in boxes]))
-    return centre - reach - table_z_m
+    return np.array([[lowest_z_m(box, grasp) - table_z_m for box in boxes] for grasp in grasps])
 
 
-def _verdict(gaps: np.ndarray, table: np.ndarray, target: int) -> GateResult:
-    """`gaps` (objects, 6) and `table` (6,): the first three boxes are the hand at pre-grasp, the others its sweep."""
-    half = len(table) // 2
-    nearest = [min(gaps[:, part].min(), table[part].min()) for part in (slice(0, half), slice(half, None))]
-    pregrasp, approach = nearest
+def _verdict(gaps: dict[str, np.ndarray]) -> GateResult:
+    """`gaps` (6,) by what may be hit, in order of precedence: of the boxes at pre-grasp, then of their sweeps."""
+    parts = slice(0, 3), slice(3, 6)
+    pregrasp, approach = (min(gap[part].min() for gap in gaps.values()) for part in parts)
     if approach > 0:
         return GateResult(None, None, float(approach))
-    part, outcome = (slice(0, half), "pregrasp_collision") if pregrasp <= 0 else (slice(half, None), "approach_collision")
+    part, outcome = (parts[0], "pregrasp_collision") if pregrasp <= 0 else (parts[1], "approach_collision")
     margin = float(-pregrasp if pregrasp <= 0 else min(pregrasp, -approach))
-    return GateResult(outcome, _first_hit(gaps[:, part], target), margin)
-
-
-def _first_hit(gaps: np.ndarray, target: int) -> str:
-    touched = gaps.min(axis=1) <= 0
-    if touched[target]:
-        return "target"
-    return "other" if touched.any() else "table"
+    return GateResult(outcome, next(name for name, gap in gaps.items() if gap[part].min() <= 0), margin)

@@ -57,6 +57,7 @@ class Mujoco:
         self._finger_geoms = [model.geom(name).id for name in FINGERS]
         self._hand_geoms = [*self._finger_geoms, model.geom("palm").id]
         self._table_geom = model.geom("table").id
+        self._fixture_geoms = [model.geom(name).id for name in _fixtures(scene)]
         self._slides = {name: model.joint(name).qposadr[0] for name in (*FINGERS, "palm")}
         self._speeds = {name: model.joint(name).dofadr[0] for name in (*FINGERS, "palm")}
 
@@ -145,7 +146,10 @@ class Mujoco:
         """What the hand comes nearer to than `reach_m`, by MuJoCo's own distance query."""
         mujoco.mj_kinematics(self._model, self._data)
         others = [geom for i, geoms in enumerate(self._geoms) if i != target for geom in geoms]
-        for name, geoms in (("target", self._geoms[target]), ("other", others), ("table", [self._table_geom])):
+        things = {
+            "target": self._geoms[target], "other": others, "container": self._fixture_geoms, "table": [self._table_geom],
+        }  # fmt: skip
+        for name, geoms in things.items():
             if any(self._distance(hand, geom, reach_m) <= reach_m for hand in self._hand_geoms for geom in geoms):
                 return name
         return None
@@ -163,14 +167,14 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
     hand = dict.fromkeys(("palm", *FINGERS), gripper.friction)
     among = [pair for i, j in combinations(indices, 2) for pair in product(parts[i], parts[j])]
     pairs = [(a, b, frictions[a] * frictions[b]) for a, b in among]
-    pairs += [(a, "table", frictions[a] * environment.table_friction) for a in frictions]
     pairs += [(a, b, frictions[a] * hand[b]) for a in frictions for b in hand]
-    pairs += [(finger, "table", gripper.friction * environment.table_friction) for finger in FINGERS]
-    meshes = "".join(
-        _tag("mesh", name=name, vertex=part.vertices_m.ravel())
-        for i in indices
-        for name, part in zip(parts[i], scene.objects[i].solid.convexes)
-    )
+    for fixed in ("table", *_fixtures(scene)):
+        pairs += [(a, fixed, frictions[a] * environment.table_friction) for a in frictions]
+        pairs += [(finger, fixed, gripper.friction * environment.table_friction) for finger in FINGERS]
+    shapes = [shape for i in indices for shape in zip(parts[i], scene.objects[i].solid.convexes)]
+    shapes += zip(_fixtures(scene), scene.fixtures)
+    meshes = "".join(_tag("mesh", name=name, vertex=part.vertices_m.ravel()) for name, part in shapes)
+    fixtures = "".join(_tag("geom", name=name, type="mesh", mesh=name) for name in _fixtures(scene))
     table = _tag("geom", name="table", type="box", size=TABLE_HALF_M, pos=(0, 0, environment.table_z_m - TABLE_HALF_M[2]))
     option = _tag(
         "option", timestep=1 / options.step_rate_hz, gravity=(0, 0, -environment.gravity_m_s2), cone="elliptic",
@@ -187,7 +191,7 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
     bodies = "".join(_object_xml(i, scene) for i in order)
     return (
         f"<mujoco>{option}<default><geom contype='0' conaffinity='0'/></default><asset>{meshes}</asset>"
-        f"<worldbody>{table}{bodies}{_hand_xml(gripper)}</worldbody>"
+        f"<worldbody>{table}{fixtures}{bodies}{_hand_xml(gripper)}</worldbody>"
         f"<contact>{contacts}</contact><actuator>{motors}</actuator></mujoco>"
     )
 
@@ -196,6 +200,11 @@ def _parts(scene: Scene, index: int) -> list[str]:
     """Names of the shapes of an object's convex parts."""
     count = len(scene.objects[index].solid.convexes)
     return [f"object{index}"] if count == 1 else [f"object{index}part{part}" for part in range(count)]
+
+
+def _fixtures(scene: Scene) -> list[str]:
+    """Names of the shapes of the fixtures."""
+    return [f"fixture{number}" for number in range(len(scene.fixtures))]
 
 
 def _object_xml(index: int, scene: Scene) -> str:

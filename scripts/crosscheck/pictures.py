@@ -15,10 +15,12 @@ from .compound import Compound
 from .compound_bullet import CompoundBullet
 from .contract import Attempt, HandBox, Scene
 from .dataset import Dataset
+from .hull import Hull
 from .solid import Solid
 
 WIDTH_PX, HEIGHT_PX = 320, 280
 TARGET, OTHER, HAND, TABLE = (0.9, 0.45, 0.1, 1), (0.6, 0.6, 0.65, 1), (0.15, 0.35, 0.75, 1), (0.85, 0.85, 0.8, 1)
+WALL = (0.75, 0.7, 0.6, 1)
 
 
 def draw(dataset: Dataset, scene: Scene, attempt: Attempt, path: Path) -> None:
@@ -43,6 +45,11 @@ def _panel(engine: Bullet, scene: Scene, attempt: Attempt) -> np.ndarray:
                 _add(client, _mesh(client, corners, faces, colour), position, quat)
         for box, position, quat in engine.hand_boxes():
             _add(client, _box(client, box.half_m, HAND), position, quat)
+        for part in scene.fixtures:
+            # What is between eye and grasp would hide it.
+            if (part.centroid_m - attempt.workspace_from_grasp.position_m) @ _towards_eye(attempt) < 0:
+                for corners, faces in _surfaces(part):
+                    _add(client, _mesh(client, corners, faces, WALL), [0, 0, 0], [0, 0, 0, 1])
         half = np.array([0.25, 0.25, 0.005])
         _add(client, _box(client, half, TABLE), [0.15, 0.15, engine.table_z_m - half[2]], [0, 0, 0, 1])
         return _photograph(client, attempt)
@@ -50,11 +57,12 @@ def _panel(engine: Bullet, scene: Scene, attempt: Attempt) -> np.ndarray:
         pybullet.disconnect(physicsClientId=client)
 
 
-def _surfaces(solid: Solid | Compound) -> list[tuple[np.ndarray, list[tuple[int, int, int]]]]:
+def _surfaces(solid: Solid | Compound | Hull) -> list[tuple[np.ndarray, list[tuple[int, int, int]]]]:
     """Corners (n, 3) and triangles of every convex part."""
     if isinstance(solid, Compound):
-        fans = [[(f[0], f[i], f[i + 1]) for f in part.faces for i in range(1, len(f) - 1)] for part in solid.convexes]
-        return [(part.vertices_m, fan) for part, fan in zip(solid.convexes, fans)]
+        return [surface for part in solid.convexes for surface in _surfaces(part)]
+    if isinstance(solid, Hull):
+        return [(solid.vertices_m, [(f[0], f[i], f[i + 1]) for f in solid.faces for i in range(1, len(f) - 1)])]
     n = len(solid.outline_m)
     ends = [f for i in range(1, n - 1) for f in ((0, i + 1, i), (n, n + i, n + i + 1))]
     sides = [f for i in range(n) for j in [(i + 1) % n] for f in ((i, j, n + j), (i, n + j, n + i))]
@@ -87,12 +95,18 @@ def _add(client: int, visual: int, position: np.ndarray, quat: np.ndarray) -> No
     )
 
 
-def _photograph(client: int, attempt: Attempt) -> np.ndarray:
+def _towards_eye(attempt: Attempt) -> np.ndarray:
+    """From the grasp to the camera (3,)."""
     pose = attempt.workspace_from_grasp
     side = pose.rotation[:, 0] * (1 if pose.rotation[1, 0] < 0 else -1)
     level = np.array([side[0], side[1], 0.0]) if np.hypot(*side[:2]) > 0.2 else np.array([0.0, -1.0, 0.0])
-    eye = pose.position_m + 0.30 * level / np.linalg.norm(level) + [0, 0, 0.14]
-    view = pybullet.computeViewMatrix(eye.tolist(), (pose.position_m + [0, 0, 0.02]).tolist(), [0, 0, 1])
+    return 0.30 * level / np.linalg.norm(level) + [0, 0, 0.14]
+
+
+def _photograph(client: int, attempt: Attempt) -> np.ndarray:
+    grasp_m = attempt.workspace_from_grasp.position_m
+    eye = grasp_m + _towards_eye(attempt)
+    view = pybullet.computeViewMatrix(eye.tolist(), (grasp_m + [0, 0, 0.02]).tolist(), [0, 0, 1])
     lens = pybullet.computeProjectionMatrixFOV(45, WIDTH_PX / HEIGHT_PX, 0.01, 2)
     pixels = pybullet.getCameraImage(
         WIDTH_PX, HEIGHT_PX, view, lens, renderer=pybullet.ER_TINY_RENDERER, shadow=0, physicsClientId=client
