@@ -1,5 +1,5 @@
-//! Datasets of formats 1 and 4, as the first versions wrote them. Every later version must read them, and must make the
-//! same bytes of the same rows until the format's version says otherwise.
+//! Datasets of formats 1, 4 and 5, as the first versions wrote them. Every later version must read them, and must make
+//! the same bytes of the same rows until the format's version says otherwise.
 
 use std::path::{Path, PathBuf};
 
@@ -40,8 +40,20 @@ fn a_dataset_of_format_4_is_read() {
 }
 
 #[test]
+fn a_dataset_of_format_5_is_read() {
+    let verified = verify(&golden(5), |_| ()).unwrap();
+    assert!(verified.is_ok(), "{:?}", verified.problems);
+    let dataset = Dataset::open(&golden(5)).unwrap();
+    assert_eq!(dataset.info().format_version, FormatVersion::REPEATS);
+    let attempts = |scene| dataset.read_scene(scene).unwrap().attempts;
+    let all: Vec<_> = (0..dataset.info().scene_count).flat_map(attempts).collect();
+    assert!(all.iter().all(|attempt| attempt.robustness == (attempt.label() == 1).then_some(0.5)));
+    assert!(all.iter().any(|attempt| attempt.robustness.is_some()));
+}
+
+#[test]
 fn the_rows_of_a_format_make_its_bytes() {
-    for format in [1, 4] {
+    for format in [1, 4, 5] {
         makes_its_bytes(&golden(format));
     }
 }
@@ -72,6 +84,7 @@ fn writes_the_golden_dataset() {
     let mut info = sample::sized(1, 2, 18, 4);
     info.grid.resolution = 6;
     info.config["container"] = serde_json::json!([{"kind": "bin", "share": 0.75}]);
+    info.config["robustness"] = serde_json::json!({"share": 1.0});
     info.format_version = info.version();
     let folder = golden(info.format_version.number());
     assert!(!folder.exists(), "samples of earlier formats are kept: name a new folder");
