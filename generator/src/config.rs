@@ -59,8 +59,8 @@ impl ObjectParams {
 }
 
 settings! {
-    /// Packed scenes among the dropped ones: objects of `[objects]`, but upright and of these sizes; of a catalogue those
-    /// that have them, with z up.
+    /// Packed scenes among the dropped ones: objects of `[objects]`, but upright and of these sizes; of a catalogue
+    /// those that have them, with z up.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct PackedParams {
         /// Share of the scenes that are packed.

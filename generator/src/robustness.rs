@@ -1,5 +1,5 @@
-//! How much a grasp that held depends on what nobody sees: it is repeated with heavier objects, with less friction, and a
-//! little beside, as a camera's calibration leaves it.
+//! How much a grasp that held depends on what nobody sees: it is repeated with heavier objects, with less friction, and
+//! a little beside, as a camera's calibration leaves it.
 //!
 //! The label stays that of the attempt itself. What the repeats say is a second answer, so neither is a compromise.
 

@@ -16,8 +16,8 @@ const SURE: f32 = 0.95;
 const SURE_MIN: usize = 3;
 /// … up to this many times in all.
 const SEARCHES_MAX: usize = 4;
-/// A further search is for hands nearer than this to one that holds with more than this probability: most of what is seen
-/// of a bin is wall, which no hand can lift.
+/// A further search is for hands nearer than this to one that holds with more than this probability: most of what is
+/// seen of a bin is wall, which no hand can lift.
 const NEAR_M: f32 = 0.03;
 const HOPE: f32 = 0.1;
 /// Number of the best hands that are moved to where they fit better, if the judge is as sure of them there …

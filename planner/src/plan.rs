@@ -50,8 +50,8 @@ pub struct RankedGrasp {
     pub opening_m: f32,
     /// Grasp quality, smoothed, between 0 and 1.
     pub quality: f32,
-    /// Of a judge: if the grasp holds, the share of repeats with heavier objects, less friction and slightly moved grasps
-    /// that would hold, too; null of one that did not learn it, and of networks of voxels.
+    /// Of a judge: if the grasp holds, the share of repeats with heavier objects, less friction and slightly moved
+    /// grasps that would hold, too; null of one that did not learn it, and of networks of voxels.
     pub robustness: Option<f32>,
     /// Index into `objects`; null without an object.
     pub object: Option<usize>,

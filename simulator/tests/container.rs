@@ -220,7 +220,8 @@ fn fingers_do_not_close_through_a_wall() {
     }
 }
 
-/// Lifted straight up, a hand that came from the front would meet the board of a low shelf: it goes back and a little up.
+/// Lifted straight up, a hand that came from the front would meet the board of a low shelf: it goes back and a little
+/// up.
 #[test]
 fn a_hand_is_not_lifted_through_a_board() {
     let cube = || vec![block([0.04, 0.04, 0.04], [0.15, 0.14, 0.07])];
