@@ -4,14 +4,13 @@
 //! The label stays that of the attempt itself. What the repeats say is a second answer, so neither is a compromise.
 
 use schema::{AttemptRecord, Gripper, Physics, Pose, Procedure, Purpose, Stream, Vec3, axis_angle, pose_from_parts};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use settings::{Reader, settings};
 use simulator::{AttemptWorld, Scene};
 
 settings! {
     /// Repeats of attempts that held: one for each pair of the factors, each moved anew.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields)]
+    #[derive(Debug, Clone, PartialEq, Serialize)]
     pub struct RobustnessParams {
         /// Share of the scenes whose held attempts are repeated.
         pub share: f32 where 0.0..=1.0,

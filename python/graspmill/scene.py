@@ -204,8 +204,9 @@ class Container(Immutable):
 
     @classmethod
     def _of(cls, plain: tuple[str, Sequence[float], float]) -> Container:
-        kind, (x_m, y_m, height_m, thickness_m, slope_rad), size_m = plain
-        return cls(kind, (x_m, y_m), height_m, thickness_m, slope_rad, size_m)
+        # The shortest numbers that are these in single precision: 0.2, not 0.20000000298.
+        x_m, y_m, height_m, thickness_m, slope_rad, size_m = (float(str(np.float32(part))) for part in (*plain[1], plain[2]))
+        return cls(plain[0], (x_m, y_m), height_m, thickness_m, slope_rad, size_m)
 
     def _plain(self) -> tuple[str, list[float], float]:
         lengths = [*_arrays.floats("inner_m", self.inner_m, (2,)), self.height_m, self.thickness_m, self.slope_rad]

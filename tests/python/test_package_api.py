@@ -43,15 +43,19 @@ def test_a_script_with_every_option_passes_the_type_checker_and_a_wrong_one_does
     pytest.importorskip("mypy")
     assert all(f"{name}=" in EVERY_OPTION for name in graspmill.PlanOptions.__annotations__)
 
-    def problems(text):
-        (tmp_path / "script.py").write_text(text)
-        words = [sys.executable, "-m", "mypy", "--strict", "--no-incremental", "script.py"]
-        checked = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
-        return "" if checked.returncode == 0 else checked.stdout
-
-    assert problems(EVERY_OPTION) == ""
-    assert 'unexpected keyword argument "grasp_max"' in problems(EVERY_OPTION.replace("grasps_max=5", "grasp_max=5")).lower()
-    assert "policy" in problems(EVERY_OPTION.replace('policy="paper"', 'policy="best"'))
+    scripts = {
+        "right.py": EVERY_OPTION,
+        "wrong_name.py": EVERY_OPTION.replace("grasps_max=5", "grasp_max=5"),
+        "wrong_value.py": EVERY_OPTION.replace('policy="paper"', 'policy="best"'),
+    }
+    for name, text in scripts.items():
+        (tmp_path / name).write_text(text)
+    words = [sys.executable, "-m", "mypy", "--strict", "--no-incremental", *scripts]
+    checked = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    problems = {name: [line for line in checked.stdout.splitlines() if line.startswith(name)] for name in scripts}
+    assert problems["right.py"] == [] and checked.returncode == 1, checked.stdout
+    assert 'unexpected keyword argument "grasp_max"' in "".join(problems["wrong_name.py"]).lower()
+    assert "policy" in "".join(problems["wrong_value.py"])
 
 
 def test_options_are_seen_at_run_time_too():
