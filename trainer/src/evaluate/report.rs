@@ -197,7 +197,7 @@ fn numbers(evaluation: &Evaluation) -> Table {
             },
         )
     };
-    let more = evaluation.hands.as_ref().map_or_else(|| grasps().collect(), |hands| hand_rows(hands));
+    let more = evaluation.hands.as_ref().map_or_else(|| grasps().collect(), hand_rows);
     Table::new(["what", "value", "meaning"], rows.into_iter().chain(more))
 }
 
