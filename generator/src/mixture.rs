@@ -24,11 +24,11 @@ const TURN_RAD_MAX: f32 = FRAC_PI_6;
 /// How far before the tips, along the approach, a proposed gripper closes.
 const CLOSING_M: f32 = 0.01;
 
-/// Of what is seen of a bin most is wall, and hands that close on it teach little by their number: so many times as
-/// many hands are proposed as are wanted …
+/// Of what is seen of a bin most is wall: so many times as many hands are proposed as are wanted …
 const SPARES: usize = 4;
-/// … and at most this part of the wanted ones, one in so many, close on a wall.
-const ON_WALLS_PART: usize = 5;
+/// … and at most this part of the wanted ones, one in so many, close on a wall. Those that a judge chooses may all do:
+/// a judge that was kept from the walls that it likes went on taking them, at 0.9 to 0.99.
+const ON_WALLS_PART: usize = 2;
 
 /// Number of proposals among which a judge chooses.
 const JUDGED_OF: usize = 256;
@@ -100,8 +100,7 @@ impl Observed<'_> {
                 let judge = config.policy.as_ref().and_then(|policy| policy.judge(gripper, &config.grid).ok());
                 let seen =
                     ObservedScene { field: tsdf, fine: None, views: views.len(), reach_m: tsdf.lattice.corners_m() };
-                let most = count * self.spares();
-                let best = judge.map_or_else(Vec::new, |judge| best(&judge, seen, most, &mut own_stream(2)));
+                let best = judge.map_or_else(Vec::new, |judge| best(&judge, seen, count, &mut own_stream(2)));
                 self.candidates(Approach::Judged, count, best.iter().map(|scored| scored.grasp.workspace_from_grasp))
             }
         }
@@ -112,13 +111,13 @@ impl Observed<'_> {
         if self.scene.fixtures.is_empty() { 1 } else { SPARES }
     }
 
-    /// Up to `count` proposed grasps, each of the object that is nearest to where the fingers close. Few of them close
-    /// on a wall of the container.
+    /// Up to `count` proposed grasps, each of the object that is nearest to where the fingers close. Of proposals some
+    /// close on a wall of the container at most.
     fn candidates(&self, approach: Approach, count: usize, grasps: impl Iterator<Item = Pose>) -> Vec<Candidate> {
         let closing_m = |grasp: &Pose| grasp.transform_point(Vec3::new(0.0, 0.0, -CLOSING_M));
         let mut on_walls = 0;
         let will_do = |grasp: &Pose| {
-            let is_on_wall = self.scene.is_at_fixture(closing_m(grasp));
+            let is_on_wall = approach == Approach::Proposal && self.scene.is_at_fixture(closing_m(grasp));
             on_walls += usize::from(is_on_wall);
             !is_on_wall || on_walls <= count / ON_WALLS_PART
         };
