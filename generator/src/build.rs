@@ -120,8 +120,8 @@ pub fn make_scene_timed(
         // Nothing was proposed and nothing else is wanted.
         candidates = observed.draw(Source::Normals, count, &mut candidates_stream);
     }
-    let world = AttemptWorld::new(&config.physics, config.gripper.of_scene(scene_id), &config.procedure, &scene);
     let own = (&config.physics, config.gripper.of_scene(scene_id), &config.procedure);
+    let world = AttemptWorld::new(own.0, own.1, own.2, &scene);
     let repeats = Repeats::of_scene(config.robustness.as_ref(), (config.seed, scene_id), own, &scene);
     ended(Stage::Prepare)?;
 

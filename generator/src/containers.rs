@@ -115,14 +115,11 @@ mod tests {
 
     /// The config for judges with more containers.
     fn walled() -> Config {
-        let shares =
-            [("share = 0.28", "share = 0.6"), ("share = 0.05", "share = 0.12"), ("share = 0.1 ", "share = 0.15 ")];
-        config(
-            &shares
-                .iter()
-                .fold(JUDGE.replace("share = 0.1\n", "share = 0.1 \n"), |text, (from, to)| text.replacen(from, to, 1)),
-        )
-        .unwrap()
+        let shares = [("0.28", "0.6"), ("0.05", "0.12"), ("0.1", "0.15")];
+        let more = |text: String, (from, to): (&str, &str)| {
+            text.replacen(&format!("share = {from}\n"), &format!("share = {to}\n"), 1)
+        };
+        config(&shares.into_iter().fold(JUDGE.to_owned(), more)).unwrap()
     }
 
     #[test]

@@ -72,13 +72,8 @@ pub struct Scope {
     /// The grid of the TSDF, and the table's height in it.
     pub grid: Grid,
     /// Whether it says how robust a grasp is: whether it learned from attempts that were repeated.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub robustness: bool,
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
-fn is_false(value: &bool) -> bool {
-    !*value
 }
 
 /// A hand may lie outside of those of training by this share of their range.
