@@ -48,6 +48,9 @@ pub struct PaddedGrid {
     last: Vec3,
     /// Of each voxel whether it was observed, 1 or 0, and VGN's value, which is 0 where nothing was observed.
     values: Vec<[f32; 2]>,
+    /// Whether one of the eight voxels of a cell was observed, by its lowest voxel: above things none was, and there is
+    /// nothing to look up.
+    is_observed: Vec<bool>,
 }
 
 impl PaddedGrid {
@@ -63,7 +66,14 @@ impl PaddedGrid {
             }
         }
         let last = Vec3::from_array(counts.map(|count| (count + 1) as f32 - 1e-4));
-        Self { low_m, sides: [counts[1] + 2, counts[2] + 2], last, values: padded }
+        let sides = [counts[1] + 2, counts[2] + 2];
+        let mut is_observed: Vec<bool> = padded.iter().map(|[share, _]| *share > 0.0).collect();
+        for stride in [1, sides[1], sides[0] * sides[1]] {
+            for low in 0..is_observed.len() - stride {
+                is_observed[low] |= is_observed[low + stride];
+            }
+        }
+        Self { low_m, sides, last, values: padded, is_observed }
     }
 
     /// Mean of the observed distances at the eight voxels around a point, by their weights, in [−1, 1] of the
@@ -78,7 +88,11 @@ impl PaddedGrid {
             (low as usize, at - low as f32)
         });
         let [width, height] = self.sides;
-        let lines = &self.values.as_flattened()[2 * ((x * width + y) * height + z)..];
+        let lowest = (x * width + y) * height + z;
+        if !self.is_observed[lowest] {
+            return (0.0, 0.0);
+        }
+        let lines = &self.values.as_flattened()[2 * lowest..];
         // Two voxels along z lie side by side: four numbers.
         let mut pair = [0.0; 4];
         for (wx, line) in [(1.0 - high_x, 0), (high_x, width)] {
@@ -342,6 +356,24 @@ mod tests {
         for at in PADDED.positions() {
             let [distance, share, ..] = *crop[PADDED.place(at) * CHANNELS..].first_chunk::<CHANNELS>().unwrap();
             assert!((share == 0.0 && distance == 0.0) || (distance + 0.5).abs() < 1e-5, "{distance} {share}");
+        }
+    }
+
+    /// A single voxel is seen from everywhere within a voxel of it, by its weight, and from nowhere else.
+    #[test]
+    fn one_observed_voxel_is_seen_from_all_sides() {
+        let mut values = vec![0.0; 5 * 4 * 3];
+        values[(2 * 4 + 1) * 3 + 2] = 0.75;
+        let grid = PaddedGrid::new(Vec3::ZERO, [5, 4, 3], &values);
+        // With the border.
+        let voxel = Vec3::new(3.0, 2.0, 3.0);
+        let mut stream = Stream::new(5, 0, Purpose::Views, 0);
+        for at in (0..2000).map(|_| stream.point(Vec3::splat(-0.5), Vec3::new(6.5, 5.5, 4.5))) {
+            let within = at.max(Vec3::ZERO).min(Vec3::new(6.0, 5.0, 4.0));
+            let weight: f32 = (Vec3::ONE - (within - voxel).abs()).max(Vec3::ZERO).to_array().iter().product();
+            let (distance, share) = grid.at(at);
+            assert!((share - weight).abs() < 1e-3, "{at}: {share} for {weight}");
+            assert!(distance == 0.0 && share == 0.0 || (distance - 0.5).abs() < 1e-4, "{at}: {distance}");
         }
     }
 
