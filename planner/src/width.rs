@@ -94,12 +94,16 @@ impl<'a> Widths<'a> {
     }
 
     fn between(&self, workspace_from_grasp: &Pose) -> Option<Between> {
-        let mut points_m = self.points_between(workspace_from_grasp);
+        let points_m = self.points_between(workspace_from_grasp);
         let mut ends_m = ends(points_m.iter().map(|at| at.y).collect(), POINTS_MIN)?;
-        let row = |at: &Vec3| (-at.z / ROW_M) as usize;
-        points_m.sort_by_key(row);
+        let mut rows: Vec<Vec<Vec3>> = Vec::new();
+        for at_m in points_m {
+            let row = (-at_m.z / ROW_M) as usize;
+            rows.resize_with(rows.len().max(row + 1), Vec::new);
+            rows[row].push(at_m);
+        }
         let (mut are_seen, mut seen, mut count) = ([false; 2], 0, 0);
-        for points in points_m.chunk_by(|a, b| row(a) == row(b)) {
+        for points in &rows {
             let Some(own_m) = ends(points.iter().map(|at| at.y).collect(), ROW_MIN) else { continue };
             for end in 0..2 {
                 let outwards = Vec3::new(0.0, [-1.0, 1.0][end], 0.0);
@@ -131,21 +135,28 @@ impl<'a> Widths<'a> {
         let mut points_m = Vec::new();
         for (view, camera_from_workspace) in self.views.iter().zip(&self.cameras) {
             let (lens, at_m) = (view.camera.intrinsics, *camera_from_workspace * middle_m);
-            let nearest_m = at_m.z - half_m.length();
-            if nearest_m <= 0.0 {
+            let turn = camera_from_workspace.rotation * workspace_from_grasp.rotation;
+            let corners_m = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| {
+                let side = |bit: u8| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
+                at_m + turn * (half_m * Vec3::new(side(0), side(1), side(2)))
+            });
+            let [low_m, high_m] = [corners_m.into_iter().reduce(Vec3::min), corners_m.into_iter().reduce(Vec3::max)];
+            let (Some(low_m), Some(high_m)) = (low_m, high_m) else { continue };
+            if low_m.z <= 0.0 {
                 continue;
             }
-            let pixels = |focal_px: f32, centre_px: f32, along_m: f32, size_px: usize| {
-                let (middle, reach) = (along_m * focal_px / at_m.z + centre_px, half_m.length() * focal_px / nearest_m);
+            let pixels = |axis: usize, focal_px: f32, centre_px: f32, size_px: usize| {
+                let at_px = corners_m.map(|corner_m| corner_m[axis] * focal_px / corner_m.z + centre_px);
                 let end = |px: f32| px.clamp(0.0, size_px as f32) as usize;
-                end(middle - reach)..end(middle + reach + 1.0)
+                end(at_px.into_iter().fold(f32::INFINITY, f32::min))
+                    ..end(at_px.into_iter().fold(f32::NEG_INFINITY, f32::max) + 1.0)
             };
-            let columns = pixels(lens.fx_px, lens.cx_px, at_m.x, view.image.width_px);
+            let columns = pixels(0, lens.fx_px, lens.cx_px, view.image.width_px);
             let grasp_from_camera = workspace_from_grasp.inverse() * view.camera.workspace_from_camera;
-            for v in pixels(lens.fy_px, lens.cy_px, at_m.y, view.image.height_px) {
+            for v in pixels(1, lens.fy_px, lens.cy_px, view.image.height_px) {
                 for u in columns.clone() {
                     // Most of what is seen around is further away. (False for what is not finite.)
-                    let is_near = |depth_m: &f32| (depth_m - at_m.z).abs() <= half_m.length();
+                    let is_near = |depth_m: &f32| (low_m.z..=high_m.z).contains(depth_m);
                     let Some(depth_m) = view.image.at([u, v]).filter(is_near) else { continue };
                     let in_camera_m = lens.ray([u, v]) * depth_m;
                     let point_m = grasp_from_camera * in_camera_m;
@@ -179,9 +190,9 @@ fn room_m(gripper: &Gripper) -> f32 {
 
 /// The lower and the upper end of values, without the noise.
 fn ends(mut along_m: Vec<f32>, least: usize) -> Option<[f32; 2]> {
-    along_m.sort_by(f32::total_cmp);
     let noise = (NOISE_SHARE * along_m.len() as f32) as usize;
-    (along_m.len() >= least).then(|| [along_m[noise], along_m[along_m.len() - 1 - noise]])
+    let places = [noise, (along_m.len().max(1) - 1) - noise];
+    (along_m.len() >= least).then(|| places.map(|place| *along_m.select_nth_unstable_by(place, f32::total_cmp).1))
 }
 
 impl Between {
