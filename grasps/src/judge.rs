@@ -9,7 +9,7 @@ use schema::{Grasp, Grid, Gripper, Outcome, Stream, Vec3};
 use crate::{CandidateSampler, ObservedScene, Space};
 
 /// Hands that one thread judges together.
-const TOGETHER: usize = 32;
+const TOGETHER: usize = 8;
 
 /// Where fewer than [`SURE_MIN`] hands hold with more than this probability, hands are proposed again …
 const SURE: f32 = 0.95;
@@ -20,12 +20,10 @@ const SEARCHES_MAX: usize = 4;
 /// seen of a bin is wall, which no hand can lift.
 const NEAR_M: f32 = 0.03;
 const HOPE: f32 = 0.1;
-/// Number of the best hands that are moved to where they fit better, if the judge is as sure of them there …
-const MOVED: usize = 32;
-/// … but for this.
+/// Number of the best hands apart from each other that are looked at more closely: they are moved to where they fit
+/// better, if the judge is as sure of them there but for [`AS_SURE`], and their mirror images are judged, too.
+const LEADERS: usize = 32;
 const AS_SURE: f32 = 0.01;
-/// Number of hands whose mirror images are judged, too.
-const ASKED_AGAIN: usize = 32;
 
 /// A judge, prepared for a hand on a grid.
 #[derive(Debug, Clone)]
@@ -85,15 +83,16 @@ impl Judge {
         Ok(Self { network: JudgeNetwork::new(&checkpoint.vector), crop: Crop::new(gripper, pregrasp_m, grid), sampler })
     }
 
-    /// Proposes hands in a scene, and judges them, best first: `proposals`, or several times as many where few are
-    /// good. The best are asked about again in each mirror image: a hand and its mirror image end alike, so where the
-    /// answers differ their mean is nearer to the truth. Of the proposed hands only those that are wanted are judged.
-    /// `better` moves one of the best hands, if it knows a better place for it.
+    /// Proposes hands in a scene, and judges them: `proposals`, or several times as many where few are good. First come
+    /// the best of those whose tips are `apart_m` from each other, then the others, each best first. The best are asked
+    /// about again in each mirror image: a hand and its mirror image end alike, so where the answers differ their mean
+    /// is nearer to the truth. Of the proposed hands only those that are wanted are judged. `better` moves one of the
+    /// best hands, if it knows a better place for it.
     #[must_use]
     pub fn scored_grasps(
         &self,
         seen: ObservedScene<'_>,
-        proposals: usize,
+        (proposals, apart_m): (usize, f32),
         stream: &mut Stream,
         is_wanted: &dyn Fn(&Grasp) -> bool,
         better: &(dyn Fn(&Grasp) -> Option<Grasp> + Sync),
@@ -114,27 +113,24 @@ impl Judge {
             }
             wanted = space.near(&hopeful_m(&judged), NEAR_M);
         }
-        let (mut best, mut rest) = (sorted(judged), Vec::new());
-        let moved: Vec<Option<Grasp>> =
-            best[..best.len().min(MOVED)].par_iter().map(|judged| better(&judged.grasp)).collect();
+        let (mut best, rest) = leaders(sorted(judged), apart_m);
+        let moved: Vec<Option<Grasp>> = best.par_iter().map(|judged| better(&judged.grasp)).collect();
         let moved = moved.into_iter().enumerate().filter_map(|(place, hand)| Some((place, hand?)));
         let moved: Vec<(usize, Grasp)> = moved
             .filter(|(_, hand)| self.sampler.is_free(&space, &hand.workspace_from_grasp) && is_wanted(hand))
             .collect();
         let hands: Vec<Grasp> = moved.iter().map(|(_, hand)| *hand).collect();
-        let outcomes: Vec<_> = hands.chunks(TOGETHER).flat_map(|hands| pair(hands, &first(hands))).collect();
-        for ((place, _), moved) in moved.into_iter().zip(outcomes) {
+        let outcomes: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
+        for ((place, _), moved) in moved.into_iter().zip(outcomes.into_iter().flatten()) {
             if moved.quality() >= best[place].quality() - AS_SURE {
                 best[place] = moved;
             }
         }
-        best = sorted(best);
-        if best.len() > ASKED_AGAIN {
-            rest = best.split_off(ASKED_AGAIN);
-        }
         let hands: Vec<Grasp> = best.iter().map(|judged| judged.grasp).collect();
         let mirrored = [[true, false], [false, true], [true, true]];
-        let again: Vec<_> = mirrored.par_iter().map(|mirrored| self.judge(scene, &hands, *mirrored)).collect();
+        let again = mirrored.map(|mirrored| -> Vec<_> {
+            hands.par_chunks(TOGETHER).map(|hands| self.judge(scene, hands, mirrored)).collect::<Vec<_>>().concat()
+        });
         for outcomes in again {
             for (judged, (outcomes, robustness)) in best.iter_mut().zip(outcomes) {
                 judged.outcomes.iter_mut().zip(outcomes).for_each(|(sum, outcome)| *sum += outcome);
@@ -146,8 +142,9 @@ impl Judge {
             judged.outcomes = judged.outcomes.map(|sum| sum / images);
             judged.robustness = judged.robustness.map(|sum| sum / images);
         }
-        best.extend(rest);
-        sorted(best)
+        let mut all = sorted(best);
+        all.extend(rest);
+        all
     }
 
     /// What the network says of hands, which are seen mirrored or not.
@@ -169,6 +166,16 @@ impl Judge {
 fn hopeful_m(judged: &[ScoredGrasp]) -> Vec<Vec3> {
     let hopeful = judged.iter().filter(|judged| judged.quality() > HOPE);
     hopeful.map(|judged| judged.grasp.workspace_from_grasp.translation).collect()
+}
+
+/// The best hands that are this far apart, of hands in order, and the others.
+fn leaders(judged: Vec<ScoredGrasp>, apart_m: f32) -> (Vec<ScoredGrasp>, Vec<ScoredGrasp>) {
+    let (mut best, mut rest) = (Vec::<ScoredGrasp>::new(), Vec::new());
+    for judged in judged {
+        let leads = best.len() < LEADERS && !best.iter().any(|better| better.is_near(&judged, apart_m));
+        if leads { &mut best } else { &mut rest }.push(judged);
+    }
+    (best, rest)
 }
 
 fn pair(hands: &[Grasp], answers: &[Answer]) -> Vec<ScoredGrasp> {

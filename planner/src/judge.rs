@@ -3,7 +3,7 @@
 use grasps::{Judge, ObservedScene, ScoredGrasp};
 use schema::{Grasp, Grid, Purpose, Stream, Vec3};
 
-use crate::config::Config;
+use crate::config::{Config, JudgeParams};
 use crate::hand::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::PlanOptions;
@@ -44,7 +44,8 @@ impl Method for JudgeMethod {
         let is_wanted = |hand: &Grasp| limiter.broken(&towards_wrist(&hand.workspace_from_grasp, wrist)).is_none();
         let centred = |hand: &Grasp| widths.centred(hand);
         let judged = timed(timings_ms, "judge", || {
-            self.judge.scored_grasps(seen, config.judge.proposals, &mut stream, &is_wanted, &centred)
+            let JudgeParams { proposals, apart_m, .. } = config.judge;
+            self.judge.scored_grasps(seen, (proposals, apart_m), &mut stream, &is_wanted, &centred)
         });
         selected(&judged, request)
     }
