@@ -39,6 +39,6 @@ pub use config::{BuiltIn, Config, Policy};
 pub use frame::FoundTable;
 pub use limits::WillDo;
 pub use observation::{
-    Cone, FindTable, Limits, Mask, Observation, PlanOptions, PoseKey, Target, View, WORKSPACE_M, plane,
+    Ball, Cone, FindTable, Limits, Mask, Observation, PlanOptions, PoseKey, Target, View, WORKSPACE_M, plane,
 };
 pub use planner::{Planner, Planners};

@@ -71,7 +71,8 @@ impl<'a> Limiter<'a> {
     }
 
     fn find(&self, workspace_from_grasp: &Pose) -> Option<Limit> {
-        let Limits { approach, keep_out, reach_m, target: _ } = self.limits;
+        let Limits { approach, keep_out, reach_m, avoid_objects, target: _ } = self.limits;
+        let tips_m = workspace_from_grasp.translation;
         if let Some(Cone { direction, angle_rad_max }) = approach {
             let cos = (workspace_from_grasp.rotation * Vec3::Z).dot(*direction);
             if libm::acosf(cos.clamp(-1.0, 1.0)) > *angle_rad_max {
@@ -79,10 +80,12 @@ impl<'a> Limiter<'a> {
             }
         }
         if let Some([low, high]) = reach_m {
-            let tips_m = workspace_from_grasp.translation;
             if tips_m.cmplt(*low).any() || tips_m.cmpgt(*high).any() {
                 return Some(Limit::Reach);
             }
+        }
+        if avoid_objects.iter().any(|ball| (tips_m - ball.centre_m).length() < ball.radius_m) {
+            return Some(Limit::AvoidObjects);
         }
         let is_beyond = |plane: &Plane| {
             self.corners_m.iter().any(|corner| plane.normal.dot(*workspace_from_grasp * *corner) < plane.offset_m)
@@ -161,7 +164,7 @@ mod tests {
 
     use super::*;
     use crate::hand::WRIST_DOWN;
-    use crate::{BuiltIn, Target};
+    use crate::{Ball, BuiltIn, Target};
 
     fn broken(limits: &Limits, grasp: &Pose) -> Option<Limit> {
         let gripper = BuiltIn::Judge.config().unwrap().gripper;
@@ -179,6 +182,11 @@ mod tests {
         assert_eq!(broken(&approach(0.51), &tilted), None);
         let reach = |low: f32| Limits { reach_m: Some([Vec3::splat(low), Vec3::splat(0.3)]), ..Limits::default() };
         assert_eq!((broken(&reach(0.07), &down), broken(&reach(0.09), &down)), (None, Some(Limit::Reach)));
+        let near = |radius_m: f32| Limits {
+            avoid_objects: vec![Ball { centre_m: Vec3::new(0.1, 0.17, 0.04), radius_m }],
+            ..Limits::default()
+        };
+        assert_eq!((broken(&near(0.049), &down), broken(&near(0.051), &down)), (None, Some(Limit::AvoidObjects)));
         // The palm is 120 mm broad along the closing direction, here y: it reaches to 0.2 - 0.06.
         let wall = |y_m: f32| Plane { normal: Vec3::Y, offset_m: y_m };
         let keep_out = |y_m: f32| Limits { keep_out: vec![wall(y_m)], ..Limits::default() };

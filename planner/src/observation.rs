@@ -126,9 +126,12 @@ impl PlanOptions {
     /// be known by it.
     pub(crate) fn seen_from(&self, workspace_from_first: Pose) -> Self {
         let avoid = self.avoid.iter().map(|failed| workspace_from_first * *failed).collect();
+        let moved = |ball: &Ball| Ball { centre_m: workspace_from_first * ball.centre_m, ..*ball };
+        let avoid_objects = self.limits.avoid_objects.iter().map(moved).collect();
+        let limits = Limits { avoid_objects, ..self.limits.clone() };
         let base_from_camera = self.find_table.and_then(|wanted| wanted.base_from_camera);
         let base_from_workspace = base_from_camera.map(|base| base * workspace_from_first.inverse());
-        Self { avoid, base_from_workspace, ..self.clone() }
+        Self { avoid, limits, base_from_workspace, ..self.clone() }
     }
 
     /// The workspace, if the network's is `grid`: its voxels, but as many as its side takes.
@@ -156,7 +159,7 @@ impl FindTable {
     }
 }
 
-/// What a request limits, in the workspace's frame; by default nothing.
+/// What a request limits, in the workspace's frame if not said otherwise; by default nothing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Limits {
     /// The approach is within an angle of a direction.
@@ -165,8 +168,20 @@ pub struct Limits {
     pub keep_out: Vec<Plane>,
     /// The tips' middle is within a box: its lower and upper corner, in metres.
     pub reach_m: Option<[Vec3; 2]>,
+    /// The tips' middle is in none of these balls, in the workspace or, where the table is found, in the first camera's
+    /// frame: about things that others go before, as something that was too heavy.
+    pub avoid_objects: Vec<Ball>,
     /// Only what this is.
     pub target: Option<Target>,
+}
+
+/// What is nearer to a point than this.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ball {
+    /// The point, in metres.
+    pub centre_m: Vec3,
+    /// How near, in metres.
+    pub radius_m: f32,
 }
 
 /// Directions about one.

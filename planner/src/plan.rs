@@ -168,6 +168,8 @@ words! {
         KeepOut = "keep_out",
         /// The tips would be outside the box.
         Reach = "reach",
+        /// It would hold something that is to be left for now.
+        AvoidObjects = "avoid_objects",
         /// It would hold something else.
         Target = "target",
         /// The fingers would close where no camera looks: beside what the border of an image cuts.

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 AVOID_MAX = 256
 #: The largest number of planes that the gripper must not cross.
 KEEP_OUT_MAX = 64
+RADIUS_M_MAX = 1.0
 #: Smallest and largest side of a workspace, in metres.
 WORKSPACE_M = (0.2, 1.2)
 
@@ -85,6 +86,8 @@ class PlanOptions(TypedDict, total=False):
         grasps_max: The largest number of grasps, 1 to 10000.
         explain: Whether ``answer`` has the dropped candidates, with reasons.
         avoid: Poses ``[N, 4, 4]`` or ``[N, 7]`` of grasps that failed.
+        avoid_objects: ``[N, 4]``: points and radii of things to be left for now, where the finger tips may not be. As ``avoid``, in the
+            first camera's frame where the table is found.
         target_m: ``[3]``: only the object at this point is grasped.
         approach: A direction ``[3]`` and the largest angle from it, in radians.
         keep_out: ``[N, 4]``: planes that the open gripper must not cross. Each is a normal, which points to the allowed
@@ -109,6 +112,7 @@ class PlanOptions(TypedDict, total=False):
     grasps_max: int | None
     explain: bool
     avoid: ArrayLike | None
+    avoid_objects: ArrayLike | None
     target_m: ArrayLike | None
     approach: tuple[ArrayLike, float] | None
     keep_out: ArrayLike | None
@@ -264,7 +268,7 @@ def _checked(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
         raise InputError(f"{min(alone)} goes with a table that is found: {where}")
     if "base_from_workspace" in given and finds_table:
         raise InputError("base_from_workspace must not be given where the table is found: give base_from_camera")
-    missing: dict[str, Any] = {"explain": False, "avoid": [], "keep_out": []}
+    missing: dict[str, Any] = {"explain": False, "avoid": [], "avoid_objects": [], "keep_out": []}
     checked = {name: check(given[name]) if name in given else missing.get(name) for name, check in _CHECKS.items()}
     return checked | {"finds_table": finds_table}
 
@@ -454,6 +458,15 @@ def _avoided(value: Any) -> list[list[float]]:
     return [[float(part) for part in pose] for pose in poses]
 
 
+def _balls(value: Any) -> list[list[float]]:
+    balls = _arrays.floats("avoid_objects", value, (None, 4), " (x, y, z, radius)")
+    if len(balls) > AVOID_MAX:
+        raise InputError(f"avoid_objects must be at most {AVOID_MAX} points with radii, got {len(balls)}")
+    if len(balls) and not ((balls[:, 3] >= 0.0) & (balls[:, 3] <= RADIUS_M_MAX)).all():
+        raise InputError(f"avoid_objects must have radii between 0 and {RADIUS_M_MAX:g} m, got {balls[:, 3].tolist()}")
+    return [[float(part) for part in ball] for ball in balls]
+
+
 def _accepting(accept: Any) -> Any:
     if not callable(accept):
         raise InputError(f"accept must be a function of a pose, got {_arrays.shown(accept)}")
@@ -499,6 +512,7 @@ _CHECKS: dict[str, Callable[[Any], Any]] = {
     "grasps_max": lambda value: _arrays.whole("grasps_max", value, 1, 10_000),
     "explain": lambda value: _arrays.flag("explain", value),
     "avoid": _avoided,
+    "avoid_objects": _balls,
     "target_m": lambda value: _numbers("target_m", value, 3),
     "approach": _cone,
     "keep_out": _planes,

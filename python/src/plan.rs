@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use planner::input::{ColorImage, check_image};
-use planner::{Cone, Config, FindTable, Limits, Observation, PlanOptions, Policy, Target, View, plane};
+use planner::{Ball, Cone, Config, FindTable, Limits, Observation, PlanOptions, Policy, Target, View, plane};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -47,6 +47,8 @@ struct Request {
     grasps_max: Option<usize>,
     explain: bool,
     avoid: Vec<Seven>,
+    /// Points and radii.
+    avoid_objects: Vec<[f32; 4]>,
     /// A direction and an angle.
     approach: Option<([f32; 3], f32)>,
     /// Normals and offsets.
@@ -77,6 +79,11 @@ impl Request {
                 approach: self.approach.map(|(direction, angle)| Cone::about(Vec3::from_array(direction), angle)),
                 keep_out: self.keep_out.into_iter().map(|[x, y, z, off]| plane(Vec3::new(x, y, z), off)).collect(),
                 reach_m: self.reach.map(|corners| corners.map(Vec3::from_array)),
+                avoid_objects: self
+                    .avoid_objects
+                    .into_iter()
+                    .map(|[x, y, z, radius_m]| Ball { centre_m: Vec3::new(x, y, z), radius_m })
+                    .collect(),
                 target: self.target_m.map(|point_m| Target::Point(Vec3::from_array(point_m))),
             },
         })

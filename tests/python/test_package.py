@@ -388,6 +388,7 @@ def test_limits_of_the_hands_way_are_kept(config):
     poses = free.workspace_from_grasp
     for limits, keeps in (
         ({"approach": ((0, 0, -2), 0.3)}, lambda pose: np.arccos(-pose[2, 2]) <= 0.3 + 1e-4),
+        ({"avoid_objects": [(*poses[0][:3, 3], 0.05)]}, lambda pose: np.linalg.norm(pose[:3, 3] - poses[0][:3, 3]) >= 0.05 - 1e-6),
         ({"reach": ((0, 0, 0), (0.15, 0.3, 0.3))}, lambda pose: pose[0, 3] <= 0.15),
         ({"keep_out": [(0, 1, 0, 0.05), (0, -1, 0, -0.25)]}, lambda pose: 0.05 <= pose[1, 3] <= 0.25),
     ):

@@ -117,6 +117,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
     avoid: Vec<[f64; 7]>,
 
+    /// A thing to be left for now: no grasp whose tips are within the radius of this point, in the workspace or, where the
+    /// table is found, in the first camera's frame; repeat for several
+    #[arg(long, value_name = "X,Y,Z,RADIUS", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    avoid_object: Vec<[f64; 4]>,
+
     /// Only grasps of the object at this point of the workspace; masks of single objects go into the views file
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
     target: Option<[f64; 3]>,
@@ -261,6 +266,8 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     input.base_from_workspace = arguments.base_from_workspace.map(pose).or(input.base_from_workspace.take());
     let avoid = Some(arguments.avoid.iter().copied().map(pose).collect::<Vec<_>>());
     input.avoid = avoid.filter(|hands| !hands.is_empty()).or(input.avoid.take());
+    let things = Some(arguments.avoid_object.clone()).filter(|things| !things.is_empty());
+    input.avoid_objects = things.or(input.avoid_objects.take());
     input.target_m = arguments.target.or(input.target_m);
     let cone = |[x, y, z, angle_rad_max]: [f64; 4]| ConeInput { direction: [x, y, z], angle_rad_max };
     input.approach = arguments.approach.map(cone).or(input.approach);
@@ -318,7 +325,7 @@ a view may have its inverse camera_from_workspace or, with base_from_workspace, 
 workspace_from_camera = \"table\" in the first view the table is found, other views have first_from_camera, and base_from_camera
 beside the views is the first camera's pose in the base's frame.
 tsdf or cloud (with eyes_m) may stand in place of views. The options config, policy, grasps_max, check_collisions, explain, avoid,
-workspace_from_wrist, workspace_size_m, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";
+workspace_from_wrist, workspace_size_m, avoid_objects, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";
 
 const EXAMPLES: &str = "\
 Examples:

@@ -522,6 +522,7 @@ mod tests {
         let with = RequestInput { cloud: Some(SourceInput::Path("cloud.npy".to_owned())), ..RequestInput::default() };
         let flags = [
             ("eyes_m", RequestInput { eyes_m: Some(vec![[0.0, 0.0, 1.0]; 33]), ..with.clone() }),
+            ("avoid_objects", RequestInput { avoid_objects: Some(vec![[0.0; 4]; 257]), ..with.clone() }),
             ("keep_out", RequestInput { keep_out: Some(vec![[0.0, 0.0, 1.0, 0.0]; 65]), ..with }),
         ];
         for (key, flags) in flags {

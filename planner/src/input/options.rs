@@ -5,13 +5,15 @@ use schema::Vec3;
 use crate::input::camera::{PoseInput, orientation, point, pose};
 use crate::input::error::{InputError, refuse};
 use crate::input::request::{BoxInput, ConeInput, RequestInput};
-use crate::{Cone, FindTable, Limits, PlanOptions, Target, WORKSPACE_M, plane};
+use crate::{Ball, Cone, FindTable, Limits, PlanOptions, Target, WORKSPACE_M, plane};
 
 /// Lengths of vectors that are directions.
 const DIRECTION_MIN: f64 = 1e-6;
 const DIRECTION_MAX: f64 = 1e6;
 /// Maximum number of requested grasps.
 const GRASPS_MAX: usize = 10_000;
+/// Largest radius of a thing to be left, in metres.
+const RADIUS_M_MAX: f64 = 1.0;
 
 /// The options of a request.
 ///
@@ -76,6 +78,14 @@ fn limits(input: &RequestInput) -> Result<Limits, InputError> {
         let plane = plane(direction([*x, *y, *z], &at)?, *offset_m as f32);
         point([f64::from(plane.offset_m); 3], &at).map(|_| plane)
     };
+    let avoided = input.avoid_objects.as_deref().unwrap_or_default();
+    let ball = |(number, [x, y, z, radius_m]): (usize, &[f64; 4])| {
+        let at = format!("avoid_objects[{number}]");
+        if !(0.0..=RADIUS_M_MAX).contains(radius_m) {
+            return refuse(format!("must have a radius between 0 and {RADIUS_M_MAX} m, got {radius_m}: {at}"));
+        }
+        Ok(Ball { centre_m: point([*x, *y, *z], &at)?, radius_m: *radius_m as f32 })
+    };
     let reach_m = input.reach.map(|BoxInput { low_m, high_m }| {
         let [low, high] = [point(low_m, "reach.low_m")?, point(high_m, "reach.high_m")?];
         if low.cmpgt(high).any() {
@@ -88,6 +98,7 @@ fn limits(input: &RequestInput) -> Result<Limits, InputError> {
         approach: approach.transpose()?,
         keep_out: planes.iter().enumerate().map(beyond).collect::<Result<_, InputError>>()?,
         reach_m: reach_m.transpose()?,
+        avoid_objects: avoided.iter().enumerate().map(ball).collect::<Result<_, InputError>>()?,
         target: target.transpose()?,
     })
 }

@@ -24,7 +24,7 @@ use crate::input::lists::{at_most, maybe_numbers, numbers, rows};
 pub(crate) const VIEWS_MAX: usize = 32;
 /// Maximum number of viewpoints of a cloud.
 const EYES_MAX: usize = 32;
-/// Maximum number of hands to avoid.
+/// Maximum number of hands to avoid, and of things.
 const AVOID_MAX: usize = 256;
 /// Maximum number of planes that keep the hand out.
 const KEEP_OUT_MAX: usize = 64;
@@ -85,6 +85,11 @@ pub struct RequestInput {
     /// 30° of one of them.
     #[serde(default, deserialize_with = "at_most::<_, _, AVOID_MAX>")]
     pub avoid: Option<Vec<PoseInput>>,
+    /// Things to be left for now, at most 256: no grasp is offered whose tips are within radius of the point x, y, z, all
+    /// in metres, in the workspace or, where the table is found, in the first camera's frame.
+    #[schema(schema_with = avoid_objects_schema)]
+    #[serde(default, deserialize_with = "rows::<_, 4, AVOID_MAX>")]
+    pub avoid_objects: Option<Vec<[f64; 4]>>,
     /// Only grasps of the object at this point of the workspace, in metres: of the cluster of the seen surface that is
     /// nearest to it, and within 50 mm. For single objects in a heap give masks.
     #[schema(min_items = 3, max_items = 3)]
@@ -120,6 +125,7 @@ impl RequestInput {
         for (key, got, most) in [
             ("eyes_m", count(self.eyes_m.as_ref().map(Vec::len)), EYES_MAX),
             ("avoid", count(self.avoid.as_ref().map(Vec::len)), AVOID_MAX),
+            ("avoid_objects", count(self.avoid_objects.as_ref().map(Vec::len)), AVOID_MAX),
             ("keep_out", count(self.keep_out.as_ref().map(Vec::len)), KEEP_OUT_MAX),
         ] {
             if got > most {
@@ -284,6 +290,10 @@ impl<'de> Visitor<'de> for SourceVisitor {
 fn eyes_schema() -> RefOr<Schema> {
     let what = "Positions of the sensors that saw the cloud, in metres; by default the viewpoint of a PCD file.";
     rows_schema(numbers_schema(3, "x, y, z in metres."), EYES_MAX, what)
+}
+
+fn avoid_objects_schema() -> RefOr<Schema> {
+    rows_schema(numbers_schema(4, "x, y, z, radius in metres."), AVOID_MAX, "Things to be left for now, as balls.")
 }
 
 fn keep_out_schema() -> RefOr<Schema> {
