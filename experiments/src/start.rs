@@ -47,7 +47,7 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
     let generator::Config { physics, settle: params, grid, objects, .. } = &config.scene;
     let container = draw_container(&config.scene.container, seed, scene_id);
     let fixtures = container.map_or_else(Vec::new, |container| container.parts(grid));
-    let room = (grid, room_m(container.as_ref(), grid));
+    let room = (grid, room_m(container.as_ref(), objects.side_m(grid)));
     match &config.objects {
         Objects::Pile { count } => {
             let objects = generator::ObjectParams { counts: vec![*count], count_weights: vec![1.0], ..objects.clone() };

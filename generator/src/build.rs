@@ -163,7 +163,8 @@ fn settled_scene(
     let mut rejections = SceneRejections::default();
     let Config { objects, grid, seed, physics, settle: params, .. } = config;
     let span_m = span_m(config, scene_id);
-    let (room_m, fixtures) = (room_m(container, grid), container.map_or_else(Vec::new, |it| it.parts(grid)));
+    let (room_m, fixtures) =
+        (room_m(container, objects.side_m(grid)), container.map_or_else(Vec::new, |it| it.parts(grid)));
     for attempt in 0..params.tries_max {
         let (drops, settled) = match packed_scene(config, container, span_m, scene_id, attempt) {
             // In a low shelf there may be a place for none.

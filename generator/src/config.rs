@@ -40,6 +40,10 @@ settings! {
         pub friction: [f32; 2] where 0.0..=5.0,
         /// Height of the drop above the table.
         pub drop_height_m: f32 where 0.0..=0.3,
+        /// Side of the square in the middle of the workspace over which they are released, or stand packed; 0: all of
+        /// the workspace. Where there is a container, it is the container's inside.
+        #[serde(skip_serializing_if = "is_none")]
+        pub room_m: f32 where 0.0..=1.2; or 0.0,
         /// The catalogue's objects that are dropped instead of primitives, if there is one.
         pub catalogue: Models; or Models::default(),
     }
@@ -47,6 +51,12 @@ settings! {
 }
 
 impl ObjectParams {
+    /// Side of the square over which objects are released on a bare table, in metres.
+    #[must_use]
+    pub fn side_m(&self, grid: &Grid) -> f32 {
+        if self.room_m > 0.0 { self.room_m.min(grid.size_m) } else { grid.size_m }
+    }
+
     fn lists_agree(&self, reader: &mut Reader<'_>) {
         let (counts, weights) = (self.counts.len(), self.count_weights.len());
         reader.must("shapes", !self.shapes.is_empty(), || "must name at least one shape, got none");
@@ -119,9 +129,9 @@ settings! {
     }
 }
 
-/// A share that is not stored, so that configs from before it keep their identity.
-fn is_none(share: &f32) -> bool {
-    *share == 0.0
+/// What is not stored, so that configs from before it keep their identity.
+fn is_none(value: &f32) -> bool {
+    *value == 0.0
 }
 
 impl Shares {

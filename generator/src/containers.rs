@@ -73,10 +73,11 @@ pub fn draw_container(kinds: &[ContainerParams], seed: u64, scene_id: u64) -> Op
     })
 }
 
-/// Sides of the rectangle in the middle of the workspace over which objects are released, in metres.
+/// Sides of the rectangle in the middle of the workspace over which objects are released, in metres: without a
+/// container those of a square.
 #[must_use]
-pub fn room_m(container: Option<&Container>, grid: &Grid) -> [f32; 2] {
-    container.map_or([grid.size_m; 2], |container| container.inner_m)
+pub fn room_m(container: Option<&Container>, side_m: f32) -> [f32; 2] {
+    container.map_or([side_m; 2], |container| container.inner_m)
 }
 
 /// Views of a scene as its cameras have them: those of a shelf are moved before its front, in the order of their
@@ -152,12 +153,21 @@ mod tests {
     #[test]
     fn containers_that_do_not_fit_are_refused_with_their_key() {
         let told = |from: &str, to: &str| config(&JUDGE.replacen(from, to, 1)).unwrap_err().to_string();
-        let message = told("inner_m = [0.20, 0.28]", "inner_m = [0.20, 0.30]");
-        assert!(message.contains("container") && message.contains("fit into a workspace of 0.3 m"), "{message}");
+        let message = told("inner_m = [0.20, 0.28]", "inner_m = [0.20, 0.50]");
+        assert!(message.contains("container") && message.contains("fit into a workspace of 0.48 m"), "{message}");
         let message = told("share = 0.28", "share = 0.9");
         assert!(message.contains("container") && message.contains("at most"), "{message}");
         let message = told("kind = \"tray\"", "kind = \"shelf\"");
         assert!(message.contains("a shelf must have slope_rad"), "{message}");
+    }
+
+    /// A judge would take the field's end for the sign of a wall.
+    #[test]
+    fn the_field_of_a_judges_data_reaches_beyond_all_walls_and_things() {
+        let config = config(JUDGE).unwrap();
+        let most_m = |container: &ContainerParams| 0.5 * container.inner_m[1] + container.thickness_m[1];
+        let most_m = config.container.iter().map(most_m).fold(0.5 * config.objects.side_m(&config.grid), f32::max);
+        assert!(most_m + 0.08 < 0.5 * config.grid.size_m, "{most_m}");
     }
 
     /// Scenes of all kinds: their rows alone give the attempts again; objects lie within; the shelf's cameras see the
@@ -183,17 +193,18 @@ mod tests {
             };
             kinds[container.kind as usize] += 1;
             let [_, top_m] = container.free_m(&config.grid);
-            let half_m = container.inner_m.map(|inner_m| 0.5 * inner_m);
+            let (half_m, middle_m) = (container.inner_m.map(|inner_m| 0.5 * inner_m), 0.5 * config.grid.size_m);
             let within = rows.objects.iter().filter(|object| {
                 let at = object.workspace_from_object.translation;
-                (at.x - 0.15).abs() < half_m[0] && (at.y - 0.15).abs() < half_m[1] && at.z < top_m.z
+                (at.x - middle_m).abs() < half_m[0] && (at.y - middle_m).abs() < half_m[1] && at.z < top_m.z
             });
             // Some roll off a tray or out of a shelf.
             let is_bin = container.kind == ContainerKind::Bin;
             let least = if is_bin { rows.objects.len() } else { rows.objects.len() / 2 };
             assert!(within.count() >= least, "{scene_id}: {container:?}");
             if container.kind == ContainerKind::Shelf {
-                let floor_m = Vec3::new(0.15, 0.15 - 0.25 * container.inner_m[1], config.grid.table_z_m + 1e-3);
+                let front_m = middle_m - 0.25 * container.inner_m[1];
+                let floor_m = Vec3::new(middle_m, front_m, config.grid.table_z_m + 1e-3);
                 let empty = SceneRays::new(&Scene { objects: Vec::new(), ..scene.clone() });
                 for view in &rows.scene.views {
                     let camera = perception::camera_at(view, &config.grid, config.camera.intrinsics());

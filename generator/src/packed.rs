@@ -33,9 +33,8 @@ pub fn draw_packed(
     let mut taken: Vec<Footprint> = Vec::with_capacity(count);
     for _ in 0..count {
         let Some((body, mass_kg, friction, stance)) = draw_upright(objects, params, span_m, stream) else { continue };
-        if let Some((workspace_from_object, footprint)) =
-            find_place(params.gap_m, (grid, container), &stance, &taken, stream)
-        {
+        let room = (grid, container, objects.side_m(grid));
+        if let Some((workspace_from_object, footprint)) = find_place(params.gap_m, room, &stance, &taken, stream) {
             placed.push(SceneObject { body, mass_kg, friction, workspace_from_object });
             taken.push(footprint);
         }
@@ -84,7 +83,7 @@ fn draw_solid(objects: &ObjectParams, params: &PackedParams, stream: &mut Stream
 /// The first of at most [`TRIES_MAX`] positions at which the object hits nothing.
 fn find_place(
     gap_m: f32,
-    (grid, container): (&Grid, Option<&Container>),
+    (grid, container, side_m): (&Grid, Option<&Container>, f32),
     stance: &Stance,
     taken: &[Footprint],
     stream: &mut Stream,
@@ -92,7 +91,8 @@ fn find_place(
     let whole = [Vec3::ZERO, Vec3::new(grid.size_m, grid.size_m, f32::INFINITY)];
     let free_m = container.map_or(whole, |container| container.free_m(grid));
     let z_m = grid.table_z_m + DROP_M + 0.5 * stance.height_m;
-    let [low, high] = [MARGIN_M, grid.size_m - MARGIN_M];
+    let margin_m = MARGIN_M + 0.5 * (grid.size_m - side_m);
+    let [low, high] = [margin_m, grid.size_m - margin_m];
     if z_m + 0.5 * stance.height_m > free_m[1].z {
         return None;
     }

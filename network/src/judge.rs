@@ -76,6 +76,8 @@ pub struct Scope {
     pub robustness: bool,
 }
 
+/// Voxels whose sides differ by less are the same.
+const VOXEL_OFF_M_MAX: f32 = 1e-6;
 /// A hand may lie outside of those of training by this share of their range.
 const EDGE_SHARE: f32 = 0.03;
 
@@ -109,6 +111,13 @@ impl Scope {
         &LAYERS[..LAYERS.len() - usize::from(!self.robustness)]
     }
 
+    /// Whether it was trained on grids of such voxels, of whatever number.
+    #[must_use]
+    pub fn is_on(&self, grid: &Grid) -> bool {
+        (self.grid.voxel_size_m() - grid.voxel_size_m()).abs() < VOXEL_OFF_M_MAX
+            && self.grid.table_z_m == grid.table_z_m
+    }
+
     /// Whether a judge of this scope may be asked about this hand in this grid: about the hand that it was trained
     /// with, or one between those that it was trained with, whatever its name is.
     ///
@@ -116,11 +125,9 @@ impl Scope {
     /// If the hand or the grid is another one; names what differs.
     pub fn must_match(&self, gripper: &Gripper, grid: &Grid) -> Result<(), Failure> {
         let refused = |what: String| Err(Failure::new(ExitCode::Config, format!("the judge was trained {what}")));
-        if self.grid != *grid {
-            let shown = |grid: &Grid| {
-                format!("{}^3 voxels of {} m, table at {} m", grid.resolution, grid.size_m, grid.table_z_m)
-            };
-            return refused(format!("on grids of {}, not of {}", shown(&self.grid), shown(grid)));
+        if !self.is_on(grid) {
+            let shown = |grid: &Grid| format!("voxels of {} m, table at {} m", grid.voxel_size_m(), grid.table_z_m);
+            return refused(format!("on {}, not on {}", shown(&self.grid), shown(grid)));
         }
         let spans = self.hands.unwrap_or_else(|| self.gripper.numbers().map(|(_, value)| [value; 2]));
         // Of some hundred hands that are drawn none lies at the very ends.

@@ -13,7 +13,7 @@ settings! {
         /// Fewest and most views of a scene; uniform.
         pub counts: [usize; 2] where 1..=100,
         /// Shortest and longest distance from the middle of the floor, in sides of the workspace; uniform.
-        pub radius_sizes: [f32; 2] where 1.0..=100.0,
+        pub radius_sizes: [f32; 2] where 0.5..=100.0,
         /// Smallest and largest angle from the vertical; uniform.
         pub polar_rad: [f32; 2] where 0.0..=core::f32::consts::FRAC_PI_2,
         /// Whether the views stand evenly around the scene, such as two opposite each other.

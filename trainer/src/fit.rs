@@ -193,7 +193,7 @@ fn first_vector(architecture: &Architecture, config: &Config, from: Option<&Chec
 /// Whether training may begin with another network's weights: a judge may come from other hands.
 fn can_begin_with(from: &Architecture, own: &Architecture) -> bool {
     match (from, own) {
-        (Architecture::Judge(from), Architecture::Judge(own)) => from.grid == own.grid,
+        (Architecture::Judge(from), Architecture::Judge(own)) => from.is_on(&own.grid),
         _ => from == own,
     }
 }

@@ -9,7 +9,7 @@ pub use sample::JudgeSample;
 use std::sync::Arc;
 
 use network::judge::{Crop, Scope};
-use schema::{AttemptRecord, Gripper, Purpose, Stream};
+use schema::{AttemptRecord, Grid, Gripper, Purpose, Stream};
 
 use crate::batch::{Batch, Scene};
 use crate::data::split_bits::{FAILED, HELD, HITS_TABLE};
@@ -37,6 +37,10 @@ impl Judge {
 
 impl Method for Judge {
     type Data = JudgeSample;
+
+    fn takes(_: &Grid) -> bool {
+        true
+    }
 
     fn samples(&self, shard: &Shard<'_>, Rows { attempts, views, .. }: Rows<'_>) -> (Vec<Sample>, u64) {
         let count = shard.dataset.info().hands().len() as u64;

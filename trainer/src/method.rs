@@ -3,6 +3,8 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use schema::Grid;
+
 use crate::batch::{Batch, Sample, Scene};
 use crate::data::{Rows, Shard};
 use crate::judge::scores::HandScores;
@@ -31,6 +33,9 @@ pub trait Method: Debug + Send + Sync {
 
     /// How a sample's attempt ended, as its mark before the split.
     fn mark(data: &Self::Data) -> u8;
+
+    /// Whether it can learn from grids of this kind.
+    fn takes(grid: &Grid) -> bool;
 
     /// Changes training samples of a scene for an epoch, and gives the grid that goes with them.
     fn change(&self, epoch: &Epoch, scene: &Scene<Self::Data>, own: &mut [Sample<Self::Data>]) -> Arc<[f32]>;

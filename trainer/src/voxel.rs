@@ -10,8 +10,9 @@ pub mod step;
 
 use std::sync::Arc;
 
+use network::receptive_field::RESOLUTION;
 use network::{GraspOrigin, VoxelParams};
-use schema::{AttemptRecord, Axis, ObjectRecord, Pose, ShapeKind, Vec3};
+use schema::{AttemptRecord, Axis, Grid, ObjectRecord, Pose, ShapeKind, Vec3};
 use shards::DatasetInfo;
 
 use crate::batch::{Batch, Scene};
@@ -75,6 +76,10 @@ impl Voxel {
 
 impl Method for Voxel {
     type Data = VoxelSample;
+
+    fn takes(grid: &Grid) -> bool {
+        grid.resolution == RESOLUTION
+    }
 
     /// Those whose grasp is inside the grid: one per attempt by a rule, one per point of VGN's sampler.
     fn samples(&self, shard: &Shard<'_>, rows: Rows<'_>) -> (Vec<Sample>, u64) {

@@ -175,7 +175,7 @@ impl Pipeline {
             if self.objects != Some(Objects::Household) {
                 table.remove("packed");
             }
-            let own = ["counts", "count_weights", "drop_height_m"];
+            let own = ["counts", "count_weights", "drop_height_m", "room_m"];
             if let Some(Value::Table(objects)) = table.get_mut("objects") {
                 objects.retain(|key, _| own.contains(&key));
                 objects.insert("catalogue".to_owned(), catalogue);
@@ -319,9 +319,13 @@ impl Pipeline {
     }
 }
 
+/// A camera at the wrist may be nearer to the middle of the floor than this.
+const WRIST_M: f64 = 0.4;
+
 impl Views {
     /// The kind of views in the generator's settings, for all scenes; none for all kinds.
     fn view_kind(self, table: &Table) -> Option<Table> {
+        let side_m = table.get("grid")?.get("size_m")?.as_float()?;
         let pair = |kind: &Table, key: &str| {
             let number = |value: &Value| value.as_float().or(value.as_integer().map(|number| number as f64));
             let pair: Option<Vec<f64>> = kind.get(key)?.as_array()?.iter().map(number).collect();
@@ -331,7 +335,7 @@ impl Views {
             let [fewest, most]: [f64; 2] = pair(kind, "counts").unwrap_or_default();
             let [nearest, _]: [f64; 2] = pair(kind, "radius_sizes").unwrap_or_default();
             let [steepest, flattest]: [f64; 2] = pair(kind, "polar_rad").unwrap_or_default();
-            let (is_single, is_near) = (most == 1.0, nearest < 1.5);
+            let (is_single, is_near) = (most == 1.0, nearest * side_m < WRIST_M);
             match self {
                 Self::Anywhere => false,
                 Self::Side => is_single && !is_near && steepest >= 0.5,

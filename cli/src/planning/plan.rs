@@ -117,8 +117,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
     avoid: Vec<[f64; 7]>,
 
-    /// A thing to be left for now: no grasp whose tips are within the radius of this point, in the workspace or, where the
-    /// table is found, in the first camera's frame; repeat for several
+    /// A thing to be left for now: no grasp whose tips are within the radius of this point, in the workspace or, where
+    /// the table is found, in the first camera's frame; repeat for several
     #[arg(long, value_name = "X,Y,Z,RADIUS", value_parser = numbers::<4>, allow_hyphen_values = true)]
     avoid_object: Vec<[f64; 4]>,
 

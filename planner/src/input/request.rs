@@ -85,8 +85,8 @@ pub struct RequestInput {
     /// 30° of one of them.
     #[serde(default, deserialize_with = "at_most::<_, _, AVOID_MAX>")]
     pub avoid: Option<Vec<PoseInput>>,
-    /// Things to be left for now, at most 256: no grasp is offered whose tips are within radius of the point x, y, z, all
-    /// in metres, in the workspace or, where the table is found, in the first camera's frame.
+    /// Things to be left for now, at most 256: no grasp is offered whose tips are within a radius of a point, given as
+    /// x, y, z, radius in metres, in the workspace or, where the table is found, in the first camera's frame.
     #[schema(schema_with = avoid_objects_schema)]
     #[serde(default, deserialize_with = "rows::<_, 4, AVOID_MAX>")]
     pub avoid_objects: Option<Vec<[f64; 4]>>,
@@ -387,7 +387,7 @@ mod tests {
         let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
-        assert_eq!(keys(&request).len(), 21);
+        assert_eq!(keys(&request).len(), 22);
         assert_eq!(keys(&view).len(), 9);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = described(PoseInput::schema());

@@ -41,7 +41,7 @@ impl<'a, M: Method> GraspDataset<'a, M> {
         stop: &AtomicBool,
         scene_done: &(dyn Fn() + Sync),
     ) -> Result<Self, Failure> {
-        let shards = Shard::all(datasets)?;
+        let shards = Shard::all::<M>(datasets)?;
         let failed = AtomicUsize::new(usize::MAX); // the first shard that failed
         let survey = |(number, shard): (usize, &Shard<'_>)| {
             if failed.load(Ordering::Relaxed) < number {
@@ -126,12 +126,12 @@ pub struct Shard<'a> {
 
 impl<'a> Shard<'a> {
     /// All shards of some datasets.
-    fn all(datasets: &'a [Dataset]) -> Result<Vec<Self>, Failure> {
+    fn all<M: Method>(datasets: &'a [Dataset]) -> Result<Vec<Self>, Failure> {
         let (mut scenes, mut first_attempt, mut first_hand) = (0_u64, 0, 0);
         let mut shards = Vec::new();
         for dataset in datasets {
             let info = dataset.info();
-            if info.grid.resolution != RESOLUTION {
+            if !M::takes(&info.grid) {
                 let has = info.grid.resolution;
                 let text = format!("the network takes grids of {RESOLUTION}^3 voxels, the dataset has {has}^3");
                 return Err(Failure::new(ExitCode::Config, text));

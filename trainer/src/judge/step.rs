@@ -7,7 +7,6 @@ use network::judge::{
     Crop, JudgeActivations, JudgeInputs, JudgeNetwork, OUTCOMES, OUTPUTS, PaddedGrid, probabilities, quality_logit,
     robustness,
 };
-use network::receptive_field::RESOLUTION;
 use rayon::prelude::*;
 use schema::Vec3;
 
@@ -62,7 +61,9 @@ pub fn evaluate(vector: &[f32], batch: &Batch<JudgeSample>, crops: &[Crop]) -> V
 fn inputs(batch: &Batch<JudgeSample>, asked: &[Sample], crops: &[Crop]) -> JudgeInputs {
     let mut inputs = JudgeInputs::with_capacity(asked.len());
     for own in asked.chunk_by(|a, b| a.grid == b.grid) {
-        let grid = PaddedGrid::new(Vec3::ZERO, [RESOLUTION; 3], &batch.grids[own[0].grid]);
+        let values = &batch.grids[own[0].grid];
+        let side = (values.len() as f64).cbrt().round() as usize;
+        let grid = PaddedGrid::new(Vec3::ZERO, [side; 3], values);
         for JudgeSample { workspace_from_grasp, views, mirrored, crop, .. } in own.iter().map(|sample| sample.data) {
             inputs.push(&crops[usize::from(crop)], &grid, &workspace_from_grasp, views.into(), mirrored);
         }
