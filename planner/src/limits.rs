@@ -79,10 +79,9 @@ impl<'a> Limiter<'a> {
                 return Some(Limit::Approach);
             }
         }
-        if let Some([low, high]) = reach_m {
-            if tips_m.cmplt(*low).any() || tips_m.cmpgt(*high).any() {
-                return Some(Limit::Reach);
-            }
+        let is_outside = |[low, high]: &[Vec3; 2]| tips_m.cmplt(*low).any() || tips_m.cmpgt(*high).any();
+        if reach_m.as_ref().is_some_and(is_outside) {
+            return Some(Limit::Reach);
         }
         if avoid_objects.iter().any(|ball| (tips_m - ball.centre_m).length() < ball.radius_m) {
             return Some(Limit::AvoidObjects);
