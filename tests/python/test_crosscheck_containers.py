@@ -256,5 +256,5 @@ def test_another_engine_gives_the_same_labels_among_walls(walled, name, capsys):
     assert any(attempt.hit == "container" for attempt in report.rows.attempts)
     assert report.gate_differences == []
     assert found.same.outcome_share >= 0.95 and found.same.overall.share >= 0.97
-    # Hands that pass a wall by about the clearance, ten of them in one scene here, fall on either side of another engine's own gate.
+    # Hands that pass a wall by about the clearance, ten of 360 here, fall on either side of another engine's own gate.
     assert found.own.outcome_share >= 0.92
