@@ -98,7 +98,7 @@ settings! {
 
 impl JudgeParams {
     /// What a config without `[judge]` has.
-    pub const STANDARD: Self = Self { proposals: 512, apart_m: 0.01, reach_m: REACH_M };
+    pub const STANDARD: Self = Self { proposals: 256, apart_m: 0.01, reach_m: REACH_M };
 }
 
 settings! {

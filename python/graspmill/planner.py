@@ -97,7 +97,7 @@ class PlanOptions(TypedDict, total=False):
             whether your arm reaches it. The plan raises what it raises.
 
     ``accept`` is called for one grasp at a time, on the thread that plans. With a judge it is called for every
-    candidate before the judge is asked: for 512 candidates, for four times as many if few are accepted, and for more in
+    candidate before the judge is asked: for 256 candidates, for four times as many if few are accepted, and for more in
     a larger workspace. With the other networks it is called for the grasps that they found. Ctrl-C ends such a plan at
     once, and another when it is made.
     """
