@@ -112,7 +112,8 @@ impl<'a> Limiter<'a> {
     }
 }
 
-fn corners(part: &HandBox) -> impl Iterator<Item = Vec3> {
+/// The corners of a part of a hand, in its frame.
+pub(crate) fn corners(part: &HandBox) -> impl Iterator<Item = Vec3> + use<> {
     let HandBox { centre_m, half_m } = *part;
     (0..8).map(move |corner| {
         let side = |axis: u8| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };

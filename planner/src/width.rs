@@ -1,8 +1,9 @@
 //! How wide is what a hand closes on: measured on what was seen between its fingers, or unknown.
 
 use rayon::prelude::*;
-use schema::{Grasp, Gripper, Pose, Vec3};
+use schema::{Grasp, Gripper, HandBox, Pose, Vec3, bounds_m};
 
+use crate::limits::corners;
 use crate::observation::View;
 use crate::plan::RankedGrasp;
 
@@ -131,25 +132,20 @@ impl<'a> Widths<'a> {
     fn points_between(&self, workspace_from_grasp: &Pose) -> Vec<Vec3> {
         let gripper = self.gripper;
         let half_m = 0.5 * Vec3::new(gripper.finger_width_m, gripper.opening_m_max, gripper.finger_length_m);
-        let middle_m = *workspace_from_grasp * Vec3::new(0.0, 0.0, -half_m.z);
+        let between = HandBox { centre_m: Vec3::new(0.0, 0.0, -half_m.z), half_m };
         let mut points_m = Vec::new();
         for (view, camera_from_workspace) in self.views.iter().zip(&self.cameras) {
-            let (lens, at_m) = (view.camera.intrinsics, *camera_from_workspace * middle_m);
-            let turn = camera_from_workspace.rotation * workspace_from_grasp.rotation;
-            let corners_m = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| {
-                let side = |bit: u8| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
-                at_m + turn * (half_m * Vec3::new(side(0), side(1), side(2)))
-            });
-            let [low_m, high_m] = [corners_m.into_iter().reduce(Vec3::min), corners_m.into_iter().reduce(Vec3::max)];
-            let (Some(low_m), Some(high_m)) = (low_m, high_m) else { continue };
+            let lens = view.camera.intrinsics;
+            let camera_from_grasp = *camera_from_workspace * *workspace_from_grasp;
+            let corners_m: Vec<Vec3> = corners(&between).map(|corner_m| camera_from_grasp * corner_m).collect();
+            let [low_m, high_m] = bounds_m(&corners_m);
             if low_m.z <= 0.0 {
                 continue;
             }
             let pixels = |axis: usize, focal_px: f32, centre_px: f32, size_px: usize| {
-                let at_px = corners_m.map(|corner_m| corner_m[axis] * focal_px / corner_m.z + centre_px);
+                let at_px = || corners_m.iter().map(|corner_m| corner_m[axis] * focal_px / corner_m.z + centre_px);
                 let end = |px: f32| px.clamp(0.0, size_px as f32) as usize;
-                end(at_px.into_iter().fold(f32::INFINITY, f32::min))
-                    ..end(at_px.into_iter().fold(f32::NEG_INFINITY, f32::max) + 1.0)
+                end(at_px().fold(f32::INFINITY, f32::min))..end(at_px().fold(f32::NEG_INFINITY, f32::max) + 1.0)
             };
             let columns = pixels(0, lens.fx_px, lens.cx_px, view.image.width_px);
             let grasp_from_camera = workspace_from_grasp.inverse() * view.camera.workspace_from_camera;
