@@ -14,6 +14,7 @@ const ALIASES: [Alias; 5] = [
     Alias {
         program: "generator",
         commands: &[
+            ("annotate", &["objects", "annotate"]),
             ("bench", &["dataset", "bench"]),
             ("depth", &["dataset", "depth"]),
             ("finalize", &["dataset", "finalize"]),

@@ -3,10 +3,9 @@
 use std::collections::BTreeMap;
 
 use program::Failure;
-use report::view::flat;
 use schema::{HitKind, Polyhedron, Pose};
 use serde_json::json;
-use shards::{PlainColumn, plain_table};
+use shards::{PlainColumn, plain_table, pose_columns};
 use simulator::Body;
 
 use crate::config::{Config, Objects};
@@ -62,12 +61,6 @@ pub fn attempts_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
         ("plan_ms", real(|t| t.plan_ms)),
     ];
     plain_table(before.into_iter().chain(pose_columns(&poses)).chain(after).collect())
-}
-
-/// The columns of a pose.
-fn pose_columns(poses: &[&Pose]) -> impl Iterator<Item = (&'static str, PlainColumn)> {
-    let names = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"].into_iter().enumerate();
-    names.map(|(at, name)| (name, PlainColumn::Real(poses.iter().map(|pose| Some(flat(pose)[at])).collect())))
 }
 
 /// All grasps, each with its round and its number in it, from 0.

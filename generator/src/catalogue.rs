@@ -36,6 +36,8 @@ pub struct CatalogueObject {
     pub mass_kg: f32,
     /// Coulomb friction coefficient.
     pub friction: f32,
+    /// The origin of the body's frame in the frame of the catalogue's numbers, which has the same axes.
+    pub origin_m: Vec3,
 }
 
 #[derive(Deserialize)]
@@ -154,8 +156,10 @@ fn thing(object: &RawObject) -> Result<CatalogueObject, String> {
     }
     let part = |(number, raw): (usize, &RawPart)| part(raw).map_err(|problem| format!("part {number}: {problem}"));
     let parts = object.part.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
+    let first_m = parts.first().map_or(Vec3::ZERO, |part| part.object_from_part.translation);
     let compound = Compound::new(object.name.clone(), parts).map_err(|e| e.to_string())?;
-    Ok(CatalogueObject { body: compound.into(), mass_kg: object.mass_kg, friction: object.friction })
+    let origin_m = first_m - compound.parts()[0].object_from_part.translation;
+    Ok(CatalogueObject { body: compound.into(), mass_kg: object.mass_kg, friction: object.friction, origin_m })
 }
 
 fn part(raw: &RawPart) -> Result<Part, String> {

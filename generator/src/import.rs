@@ -345,6 +345,7 @@ impl Import<'_> {
             is_watertight: measured.seams.is_watertight(),
             bad_edges: measured.seams.open_edges + measured.seams.twisted_edges,
             extents_m: measured.extents_m.to_array(),
+            middle_m: measured.middle_m.to_array(),
             volume_m3: measured.solid.map(|solid| solid.volume_m3),
             mass_kg,
             friction: own.friction.unwrap_or(params.friction),

@@ -5,6 +5,7 @@
 //! rows of one scene, as a pure function of config, seed and scene number. [`generate`] does this for all scenes of the
 //! requested shards, on all cores, and commits each shard when it is complete.
 
+mod annotate;
 mod bench;
 mod build;
 mod candidates;
@@ -33,6 +34,7 @@ mod replay;
 mod robustness;
 mod run;
 
+pub use annotate::{AnnotateParams, Annotated, GraspShares, annotate, relabel};
 pub use bench::{BenchReport, Comparison, Cost, bench};
 pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};

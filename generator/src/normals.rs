@@ -29,7 +29,7 @@ const MARGIN_SIZES: f32 = 1.0 / 15.0;
 /// A point is visible if the camera's depth there differs by at most this.
 const SEEN_WITHIN_M: f32 = 0.003;
 /// Between parts closer to each other than this along a line there is no surface.
-const SEAM_M: f32 = 1e-4;
+pub(crate) const SEAM_M: f32 = 1e-4;
 
 /// A point of an object's surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -155,7 +155,7 @@ fn entries(parts: &[Vec<Plane>], at_m: Vec3, direction: Vec3) -> Vec<(Vec3, Vec3
     within.sort_by(|a, b| a.enter_m.total_cmp(&b.enter_m));
     let mut inside_to_m = f32::NEG_INFINITY;
     let mut found = Vec::new();
-    for Within { enter_m, exit_m, normal } in within {
+    for Within { enter_m, exit_m, normal, .. } in within {
         if enter_m > inside_to_m + SEAM_M {
             found.push((at_m + direction * enter_m, normal));
         }
@@ -164,15 +164,17 @@ fn entries(parts: &[Vec<Plane>], at_m: Vec3, direction: Vec3) -> Vec<(Vec3, Vec3
     found
 }
 
-/// The interval of a line inside a convex part, as distances along it, and the normal at its start.
-struct Within {
-    enter_m: f32,
-    exit_m: f32,
-    normal: Vec3,
+/// The interval of a line inside a convex part, as distances along it, and the normals at its start and its end.
+pub(crate) struct Within {
+    pub(crate) enter_m: f32,
+    pub(crate) exit_m: f32,
+    pub(crate) normal: Vec3,
+    pub(crate) exit_normal: Vec3,
 }
 
-fn within(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<Within> {
-    let (mut enter, mut exit, mut face) = (f32::NEG_INFINITY, f32::INFINITY, None);
+/// Where the line through `at_m` along `direction` is inside a convex part.
+pub(crate) fn within(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<Within> {
+    let (mut enter, mut exit, mut face, mut exit_normal) = (f32::NEG_INFINITY, f32::INFINITY, None, Vec3::ZERO);
     for plane in planes {
         let (speed, gap_m) = (plane.normal.dot(direction), plane.offset_m - plane.normal.dot(at_m));
         if speed < 0.0 {
@@ -180,12 +182,14 @@ fn within(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<Within> {
                 (enter, face) = (gap_m / speed, Some(plane.normal));
             }
         } else if speed > 0.0 {
-            exit = exit.min(gap_m / speed);
+            if gap_m / speed < exit {
+                (exit, exit_normal) = (gap_m / speed, plane.normal);
+            }
         } else if gap_m < 0.0 {
             return None;
         }
     }
-    face.filter(|_| enter < exit).map(|normal| Within { enter_m: enter, exit_m: exit, normal })
+    face.filter(|_| enter < exit).map(|normal| Within { enter_m: enter, exit_m: exit, normal, exit_normal })
 }
 
 /// The grasp along the inward normal, its tips `depth_m` behind the surface, turned by `yaw_rad` from the orientation

@@ -11,6 +11,7 @@
 
 mod browse;
 mod export;
+mod grasps;
 mod npy;
 mod page;
 mod pictures;
@@ -23,6 +24,7 @@ mod view;
 
 pub use browse::browse;
 pub use export::{ExportCounts, ExportFormat, ExportOrigin, Exported, export};
+pub use grasps::{GraspFormat, grasps_info};
 pub use pictures::{scene_svg, spread};
 pub use statistics::{Bin, Coverage, Fit, Group, Law, OutcomeGroup, Report, TableSize, report};
 pub use tsdf::tsdf;

@@ -17,15 +17,22 @@ const DEFLATE_LEVEL: i64 = 6;
 
 /// A `.npy` of single-precision values in C order.
 pub(crate) fn f32s(shape: &[usize], values: &[f32]) -> Vec<u8> {
-    let mut bytes = header(shape);
+    let mut bytes = header("<f4", shape);
     bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
     bytes
 }
 
-fn header(shape: &[usize]) -> Vec<u8> {
+/// A `.npy` of double-precision values in C order.
+pub(crate) fn f64s(shape: &[usize], values: &[f64]) -> Vec<u8> {
+    let mut bytes = header("<f8", shape);
+    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    bytes
+}
+
+fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     // A tuple of one needs a trailing comma in Python; longer tuples may have one.
     let shape: String = shape.iter().map(|side| format!("{side}, ")).collect();
-    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
+    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
     let unpadded = PREAMBLE_BYTES + text.len() + 1;
     text.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(ALIGNMENT_BYTES) - unpadded));
     text.push('\n');

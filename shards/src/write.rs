@@ -12,5 +12,5 @@ mod writer;
 pub use draft::Draft;
 pub use finalize::Finalized;
 pub use kept::KeptScenes;
-pub use plain_table::{PlainColumn, plain_table};
+pub use plain_table::{PlainColumn, plain_table, pose_columns};
 pub use writer::ShardWriter;

@@ -47,11 +47,11 @@ pub struct AttemptWorld<'a> {
     pub(crate) procedure: &'a Procedure,
     pub(crate) table_z_m: f32,
     pub(crate) gate: Gate,
-    objects: Objects,
+    pub(crate) objects: Objects,
 }
 
 /// Objects and fixtures as the engine wants them.
-enum Objects {
+pub(crate) enum Objects {
     Stepper(Things),
     Rapier(Vec<(EngineBody, Pose)>, Vec<Polyhedron>),
 }
@@ -317,23 +317,16 @@ impl<'a> Run<'a> {
 
     /// Closes until both fingers stand still; gives the opening.
     fn close(&mut self) -> f32 {
-        let physics = self.setup.physics;
-        let wanted = physics.steps(STOPPED_TIME_S);
-        let slow = STOPPED_SPEED_M_S * physics.dt_s();
-        let mut last = self.engine.closed_m();
-        let mut stopped = 0;
-        for _ in self.skipped_steps..physics.steps(self.setup.procedure.close_time_s_max) {
+        let mut fingers = Stopping::new(self.setup.physics, self.engine.closed_m());
+        for _ in self.skipped_steps..self.setup.physics.steps(self.setup.procedure.close_time_s_max) {
             self.step();
-            let now = self.engine.closed_m();
-            let still = now.iter().zip(&last).all(|(a, b)| (a - b).abs() < slow);
-            stopped = if still { stopped + 1 } else { 0 };
-            last = now;
+            let have_stopped = fingers.have_stopped(self.engine.closed_m());
             let width_m = self.width_m();
             if width_m <= self.setup.procedure.empty_width_m {
                 self.tell(AttemptEvent::JawsMet { width_m });
                 return width_m;
             }
-            if stopped >= wanted {
+            if have_stopped {
                 self.tell(AttemptEvent::FingersStopped { width_m });
                 return width_m;
             }
@@ -506,6 +499,29 @@ impl<'a> Run<'a> {
         } else {
             self.up
         }
+    }
+}
+
+/// Watches closing fingers until they stand still.
+pub(crate) struct Stopping {
+    slow_m: f32,
+    wanted_steps: usize,
+    steps: usize,
+    last_closed_m: [f32; 2],
+}
+
+impl Stopping {
+    pub(crate) fn new(physics: &Physics, closed_m: [f32; 2]) -> Self {
+        let (slow_m, wanted_steps) = (STOPPED_SPEED_M_S * physics.dt_s(), physics.steps(STOPPED_TIME_S));
+        Self { slow_m, wanted_steps, steps: 0, last_closed_m: closed_m }
+    }
+
+    /// Whether they do, now that they have closed by `closed_m` each (call after every step).
+    pub(crate) fn have_stopped(&mut self, closed_m: [f32; 2]) -> bool {
+        let is_still = closed_m.iter().zip(&self.last_closed_m).all(|(a, b)| (a - b).abs() < self.slow_m);
+        self.steps = if is_still { self.steps + 1 } else { 0 };
+        self.last_closed_m = closed_m;
+        self.steps >= self.wanted_steps
     }
 }
 

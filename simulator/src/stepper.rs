@@ -35,6 +35,7 @@ const WALLS: usize = 4;
 const FIXTURES: usize = 8;
 
 /// The state of an attempt, in the frame of the grasp, or of a pile, in that of the workspace.
+#[derive(Clone)]
 pub(crate) struct Stepper<'a> {
     things: &'a [Thing],
     fixtures: &'a [shape::Part],
@@ -44,6 +45,8 @@ pub(crate) struct Stepper<'a> {
     step_s: f32,
     substeps: usize,
     gravity_m_s2: Vec3,
+    /// How this frame turns, if it does.
+    turning: Option<Turning>,
     damping_1_s: f32,
     /// The table, then walls.
     planes: Vec<Plane>,
@@ -60,11 +63,13 @@ pub(crate) struct Stepper<'a> {
 }
 
 /// Where a half-space ends that nothing enters: normal·x = offset.
+#[derive(Clone, Copy)]
 struct Plane {
     normal: Vec3,
     offset_m: f32,
 }
 
+#[derive(Clone)]
 struct Body {
     rotation: Quat,
     frame: Frame,
@@ -117,6 +122,24 @@ impl Body {
         self.ways = Motion::default();
     }
 
+    /// Gains what a body that nothing holds gains in a frame that turns: by Euler's, the centrifugal and Coriolis's
+    /// acceleration, and as its own spin precesses.
+    fn sway(&mut self, thing: &Thing, turning: &Turning, time_s: f32) {
+        let Turning { pivot_m, rate_rad_s: rate, change_rad_s2: change } = *turning;
+        let [[way_m, _], [velocity_m_s, spin_rad_s]] = [self.in_world(self.ways), self.in_world(self.speeds)];
+        let from_pivot_m = self.answer.centre_m + way_m - pivot_m;
+        let linear_m_s2 =
+            -change.cross(from_pivot_m) - rate.cross(rate.cross(from_pivot_m)) - 2.0 * rate.cross(velocity_m_s);
+        self.speeds.linear += lanes(linear_m_s2 * time_s);
+        let axes = self.answer.principal;
+        let along = |v: Vec3| Vec3::from_array(axes.map(|axis| axis.dot(v)));
+        let inverse = thing.root_inverse_inertia * thing.root_inverse_inertia;
+        let spin = along(rate + spin_rad_s);
+        let precession_rad_s2 = -spin.cross(spin / inverse) * inverse;
+        let angular_rad_s2 = precession_rad_s2 - along(change + rate.cross(spin_rad_s));
+        self.speeds.angular += lanes(angular_rad_s2 * time_s / thing.root_inverse_inertia);
+    }
+
     /// Linear and angular part of speeds or ways, in the world.
     fn in_world(&self, motion: Motion) -> [Vec3; 2] {
         let ([x, y, z, _], [a, b, c, _]) = (motion.linear.to_array(), motion.angular.to_array());
@@ -132,6 +155,14 @@ impl Body {
         self.rotation = (Quat::from_xyzw(half.x, half.y, half.z, 1.0) * self.rotation).normalize();
         self.place(thing);
     }
+}
+
+/// How a frame turns in which nothing else does: about a point, at a rate that changes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Turning {
+    pub(crate) pivot_m: Vec3,
+    pub(crate) rate_rad_s: Vec3,
+    pub(crate) change_rad_s2: Vec3,
 }
 
 fn axes_of(rotation: Quat) -> [Vec3; 3] {
@@ -189,6 +220,7 @@ impl<'a> Stepper<'a> {
             step_s: physics.dt_s(),
             substeps: physics.solver_iterations,
             gravity_m_s2: up * -physics.gravity_m_s2,
+            turning: None,
             damping_1_s: 0.0,
             planes: vec![Plane { normal: up, offset_m: table_m }],
             passes: [pass(true), pass(false), pass(false)],
@@ -200,6 +232,21 @@ impl<'a> Stepper<'a> {
             queue: Vec::new(),
             scratch: Scratch::default(),
         }
+    }
+
+    /// From now on, whatever is free gains `gravity_m_s2` in this frame, which turns besides if `turning` says so.
+    pub(crate) fn accelerate(&mut self, gravity_m_s2: Vec3, turning: Option<Turning>) {
+        (self.gravity_m_s2, self.turning) = (gravity_m_s2, turning);
+    }
+
+    /// Multiplies the friction of the hand, from the next step on.
+    pub(crate) fn scale_friction(&mut self, factor: f32) {
+        self.jaws.friction *= factor;
+    }
+
+    /// The centre of mass of a body.
+    pub(crate) fn centre_m(&self, id: usize) -> Vec3 {
+        self.bodies[id].answer.centre_m
     }
 
     fn find_contacts(&mut self) {
@@ -363,6 +410,11 @@ impl<'a> Stepper<'a> {
             for body in self.bodies.iter_mut().filter(|body| body.is_awake) {
                 body.speeds.linear = (body.speeds.linear + gained) * f32x4::splat(kept);
                 body.speeds.angular *= f32x4::splat(kept);
+            }
+            if let Some(turning) = &self.turning {
+                for (body, thing) in self.bodies.iter_mut().zip(self.things).filter(|(body, _)| body.is_awake) {
+                    body.sway(thing, turning, substep_s);
+                }
             }
             self.warm_start();
             self.jaws.begin_substep(closed_m, begun_s);

@@ -22,6 +22,34 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 
+    #[command(flatten)]
+    options: MeshOptions,
+
+    /// Test drops of each object; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = value_parser!(u32).range(0..=1000))]
+    drops: u32,
+
+    /// Leave out objects that come to rest in a smaller share of their test drops; above 0 also those that do not fit
+    /// into the workspace
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    rests_min: f64,
+
+    /// Config whose hand and workspace the objects must fit [default: the built-in configs/generate/paper.toml]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Replace an existing catalogue
+    #[arg(long)]
+    force: bool,
+
+    /// Print JSON instead of the table
+    #[arg(long)]
+    json: bool,
+}
+
+/// How meshes become objects.
+#[derive(Debug, Args)]
+pub(super) struct MeshOptions {
     /// Metres per unit of the files: 0.001 for millimetres; a URDF's or MJCF's own scale applies besides [default:
     /// guessed from the sizes, metres for URDF and MJCF]
     #[arg(long, value_name = "METRES", value_parser = positive)]
@@ -54,27 +82,6 @@ pub(crate) struct Arguments {
     /// Voxels along an object's longest side; objects are cut along voxels
     #[arg(long, value_name = "N", default_value_t = 96, value_parser = value_parser!(u32).range(16..=256))]
     voxels: u32,
-
-    /// Test drops of each object; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = value_parser!(u32).range(0..=1000))]
-    drops: u32,
-
-    /// Leave out objects that come to rest in a smaller share of their test drops; above 0 also those that do not fit
-    /// into the workspace
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
-    rests_min: f64,
-
-    /// Config whose hand and workspace the objects must fit [default: the built-in configs/generate/paper.toml]
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
-
-    /// Replace an existing catalogue
-    #[arg(long)]
-    force: bool,
-
-    /// Print JSON instead of the table
-    #[arg(long)]
-    json: bool,
 }
 
 /// A number above 0.
@@ -95,8 +102,8 @@ fn share(text: &str) -> Result<f64, String> {
     if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(format!("must be between 0 and 1, got {text}")) }
 }
 
-impl Arguments {
-    fn params(&self) -> ImportParams {
+impl MeshOptions {
+    pub(super) fn params(&self, drops: u32, rests_min: f64) -> ImportParams {
         ImportParams {
             scale: self.scale,
             density: self.density,
@@ -106,8 +113,8 @@ impl Arguments {
             hulls_max: self.hulls_max,
             corners_max: self.corners_max,
             voxels: self.voxels,
-            drops: self.drops,
-            rests_min: self.rests_min,
+            drops,
+            rests_min,
         }
     }
 }
@@ -127,7 +134,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             bar.inc(1);
         }
     };
-    let imported = import_objects(&sources, &arguments.params(), &config, &on_file);
+    let imported =
+        import_objects(&sources, &arguments.options.params(arguments.drops, arguments.rests_min), &config, &on_file);
     bar.finish_and_clear();
     let imported = imported?;
     write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;

@@ -38,6 +38,8 @@ pub struct ImportedObject {
     pub bad_edges: usize,
     /// Full lengths of its bounding box along the file's axes, in metres.
     pub extents_m: [f64; 3],
+    /// The middle of that box in the file's frame, in metres: the origin of the catalogue's numbers.
+    pub middle_m: [f64; 3],
     /// Volume of the mesh in cubic metres, if it is watertight.
     pub volume_m3: Option<f64>,
     /// Mass in kilograms.

@@ -7,6 +7,8 @@ use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::{WriterProperties, WriterVersion};
 use program::{ExitCode, Failure};
+use report::view::flat;
+use schema::Pose;
 
 /// A column of a flat table.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,6 +49,12 @@ pub fn plain_table(columns: Vec<(&str, PlainColumn)>) -> Result<Vec<u8>, Failure
     writer.write(&batch).map_err(|e| failed(&e))?;
     writer.close().map_err(|e| failed(&e))?;
     Ok(bytes)
+}
+
+/// The columns of poses.
+pub fn pose_columns(poses: &[&Pose]) -> impl Iterator<Item = (&'static str, PlainColumn)> {
+    let names = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"].into_iter().enumerate();
+    names.map(|(at, name)| (name, PlainColumn::Real(poses.iter().map(|pose| Some(flat(pose)[at])).collect())))
 }
 
 #[cfg(test)]

@@ -109,6 +109,7 @@ pub(super) fn lanes(v: Vec3) -> f32x4 {
 
 /// The contacts of a step, and what is left of those of the step before. Each is written where it stays: it is larger
 /// than what is computed for it in the time that moving it takes.
+#[derive(Clone)]
 pub(super) struct Contacts<const T: usize> {
     slots: Vec<Contact<T>>,
     count: usize,

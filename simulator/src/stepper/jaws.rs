@@ -10,6 +10,7 @@ use crate::hand::{GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M};
 const STOP_M: f32 = 0.001;
 
 /// A hand's palm and fingers.
+#[derive(Clone)]
 pub(super) struct Jaws {
     /// As when the hand is open and at the origin.
     boxes: [HandBox; 3],

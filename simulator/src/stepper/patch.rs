@@ -43,7 +43,7 @@ pub(super) struct Frame {
 }
 
 /// Room for what a test writes down, so that a step allocates nothing.
-#[derive(Default)]
+#[derive(Default, Clone)]
 pub(super) struct Scratch {
     polygon: Vec<Vec3>,
     spare: Vec<Vec3>,

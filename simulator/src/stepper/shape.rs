@@ -23,6 +23,13 @@ impl Things {
     }
 }
 
+impl Things {
+    /// The centre of mass of an object, in its frame, in metres.
+    pub(crate) fn centre_m(&self, id: usize) -> Vec3 {
+        self.moving[id].centre_m
+    }
+}
+
 /// One coordinate each of four points or normals.
 pub(super) type Wide3 = [f32x4; 3];
 

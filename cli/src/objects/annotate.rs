@@ -1,0 +1,332 @@
+//! `graspmill objects annotate`: labelled grasps of objects alone, with a table of the results.
+
+use std::collections::BTreeSet;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::{Args, value_parser};
+use generator::catalogue::Catalogue;
+use generator::{
+    AnnotateParams, Annotated, Config, FileState, GraspShares, Overrides, annotate, import_objects, sources,
+};
+use indicatif::{ProgressBar, ProgressStyle};
+use inspect::{GraspFormat, grasps_info};
+use program::text::percent;
+use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
+use report::document::{Block, Cell, Document, Table};
+use schema::{GripTest, Gripper, Physics, Procedure, Vec3};
+use serde_json::{Value, json};
+
+use super::import::MeshOptions;
+use crate::planning::gripper::named;
+
+/// The largest `NAME.json` that is read.
+const INFO_BYTES_MAX: u64 = 1 << 24;
+
+/// Label grasps of objects that float: drawn over their whole surface, executed, and, if asked, measured
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// Meshes and descriptions, folders of them (as for objects import), and catalogues (.toml)
+    #[arg(required = true, value_name = "MESH|FOLDER|CATALOGUE")]
+    objects: Vec<PathBuf>,
+
+    /// Folder for an object's files: NAME.parquet, NAME.json, and NAME with the ending of each --format
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+
+    /// The hand: a built-in name, or the path of a file that ends in .toml (docs/own-gripper.md)
+    #[arg(long, value_name = "GRIPPER", default_value = "parallel_jaw_80")]
+    gripper: String,
+
+    /// Grasps of each object
+    #[arg(long, value_name = "N", default_value_t = 2_000, value_parser = value_parser!(u32).range(1..=1_000_000))]
+    grasps: u32,
+
+    /// Go on until so many hold, and keep only those
+    #[arg(long)]
+    held_only: bool,
+
+    /// What the object must bear in the hand: lift (its weight, under the hand), turn (its weight in six directions),
+    /// tug (GraspDataGen's pulls) or shake (as ACRONYM)
+    #[arg(long, default_value = "lift", value_parser = test)]
+    test: GripTest,
+
+    /// Shares of grasps between points that face each other, along normals, and displaced by up to 30 mm and 30 degrees
+    #[arg(long, value_name = "A,N,D", default_value = "0.8,0.1,0.1", value_parser = shares)]
+    shares: GraspShares,
+
+    /// Measure for each grasp that holds the smallest friction and the strongest pull at which it does
+    #[arg(long)]
+    margins: bool,
+
+    /// Repeat each grasp that holds so often, moved by errors of 2 mm and 2 degrees, and give the share that holds
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = value_parser!(u32).range(0..=1_000))]
+    repeats: u32,
+
+    /// Drops that find the poses in which an object stands or lies; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = value_parser!(u32).range(0..=10_000))]
+    drops: u32,
+
+    /// Also write the grasps in these forms
+    #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_parser = format)]
+    format: Vec<GraspFormat>,
+
+    /// Seed of every grasp
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Worker threads [default: one per core]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..=4096))]
+    threads: Option<u16>,
+
+    #[command(flatten)]
+    options: MeshOptions,
+}
+
+fn test(text: &str) -> Result<GripTest, String> {
+    GripTest::from_name(text).ok_or_else(|| format!("must be one of {}", GripTest::ALL.map(GripTest::name).join(", ")))
+}
+
+fn format(text: &str) -> Result<GraspFormat, String> {
+    let names = GraspFormat::ALL.map(GraspFormat::name).join(", ");
+    GraspFormat::from_name(text).ok_or_else(|| format!("must be one of {names}"))
+}
+
+/// Three shares of at least 0 that are not all 0.
+fn shares(text: &str) -> Result<GraspShares, String> {
+    let numbers: Vec<f32> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    let is_share = |share: &f32| (0.0..=1.0).contains(share);
+    match numbers[..] {
+        [antipodal, normal, displaced]
+            if numbers.len() == text.split(',').count()
+                && numbers.iter().all(is_share)
+                && numbers.iter().sum::<f32>() > 0.0 =>
+        {
+            Ok(GraspShares { antipodal, normal, displaced })
+        }
+        _ => Err(format!("must be three numbers from 0 to 1 that are not all 0, got {text}")),
+    }
+}
+
+impl Arguments {
+    fn params(&self, gripper: Gripper) -> AnnotateParams {
+        AnnotateParams {
+            gripper,
+            grasps: self.grasps as usize,
+            is_held_only: self.held_only,
+            shares: self.shares,
+            test: self.test,
+            margins: self.margins,
+            repeats: self.repeats,
+            drops: self.drops,
+            seed: self.seed,
+            ..AnnotateParams::default()
+        }
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let params = arguments.params(named(&arguments.gripper)?);
+    start_threads(arguments.threads)?;
+    let on_first = || print_error("stopping: abandoning the object under way; a second signal stops at once");
+    let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
+    let (objects, left_out) = read_objects(arguments)?;
+    let _lock = FolderLock::take(&arguments.out)?;
+    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} grasps · {msg} · {eta} left");
+    let bar = ProgressBar::new(objects.len() as u64 * u64::from(arguments.grasps));
+    let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let mut infos = Vec::new();
+    for (number, object) in objects.iter().enumerate() {
+        let begun = number as u64 * u64::from(arguments.grasps);
+        bar.set_position(begun);
+        bar.set_message(object.object.body.name().to_owned());
+        let Some(info) = one(object, &params, arguments, &stop, &|made| bar.set_position(begun + made as u64))? else {
+            bar.finish_and_clear();
+            print_error(&format!("stopped: {number} of {} objects are complete; run again to go on", objects.len()));
+            return Ok(ExitCode::TryAgain);
+        };
+        infos.push(info);
+    }
+    bar.finish_and_clear();
+    print(document(&infos, &left_out, &arguments.out).text())?;
+    Ok(if left_out.is_empty() { ExitCode::Ok } else { ExitCode::Partial })
+}
+
+/// Annotates an object and writes its files, unless an earlier run did; what its `NAME.json` says, or nothing if a
+/// signal came.
+fn one(
+    object: &Annotated,
+    params: &AnnotateParams,
+    arguments: &Arguments,
+    stop: &AtomicBool,
+    on_grasps: &dyn Fn(usize),
+) -> Result<Option<Value>, Failure> {
+    let name = object.object.body.name();
+    let path = |ending: &str| arguments.out.join(format!("{name}{ending}"));
+    let is_missing = |format: &GraspFormat| !path(format.ending()).exists();
+    let formats: BTreeSet<GraspFormat> = arguments.format.iter().copied().chain([GraspFormat::Parquet]).collect();
+    let settings = settings(object, params)?;
+    let done = earlier(&path(".json"), &settings)?;
+    if let Some(done) = done.filter(|_| !formats.iter().any(is_missing)) {
+        return Ok(Some(done));
+    }
+    let mut go_on = |made: usize| {
+        on_grasps(made);
+        !stop.load(Ordering::Relaxed)
+    };
+    let Some(set) = annotate(object, params, &mut go_on) else { return Ok(None) };
+    for format in formats {
+        write(&path(format.ending()), format.bytes(&set)?)?;
+    }
+    let mut info = grasps_info(&set);
+    info["settings"] = settings;
+    // The last file: an object is complete if it is there.
+    write(&path(".json"), format!("{info:#}\n"))?;
+    Ok(Some(info))
+}
+
+/// Everything that a set depends on.
+fn settings(object: &Annotated, params: &AnnotateParams) -> Result<Value, Failure> {
+    let parts: Vec<Vec<[f32; 3]>> =
+        object.object.body.polyhedra().iter().map(|p| p.corners_m().iter().map(|c| c.to_array()).collect()).collect();
+    let failed = |error: serde_json::Error| Failure::new(ExitCode::Internal, error.to_string());
+    let text = serde_json::to_string(&parts).map_err(failed)?;
+    Ok(json!({
+        "code_version": env!("CARGO_PKG_VERSION"),
+        "params": params,
+        "physics": Physics::STANDARD,
+        "procedure": Procedure::PAPER,
+        "file": object.file,
+        "scale_m": object.scale_m,
+        "origin_m": object.origin_m.to_array(),
+        "mass_kg": object.object.mass_kg,
+        "friction": object.object.friction,
+        "parts_sha256": network::checkpoint::digest(text.as_bytes()),
+    }))
+}
+
+/// What an earlier run said of an object, if it had these settings.
+fn earlier(path: &Path, settings: &Value) -> Result<Option<Value>, Failure> {
+    let bytes = match program::read(path, INFO_BYTES_MAX) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        bytes => bytes.context(format_args!("failed to read {}", path.display()))?,
+    };
+    let info: Option<Value> = serde_json::from_slice(&bytes).ok();
+    match info.filter(|info| info["settings"] == *settings) {
+        Some(info) => Ok(Some(info)),
+        None => {
+            let text = format!("--out holds grasps of another object or with other settings: {}", path.display());
+            Err(Failure::new(ExitCode::Config, text))
+        }
+    }
+}
+
+/// The objects of all paths, and why some could not be used.
+fn read_objects(arguments: &Arguments) -> Result<(Vec<Annotated>, Vec<String>), Failure> {
+    let is_catalogue = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "toml");
+    let (catalogues, meshes): (Vec<&PathBuf>, Vec<&PathBuf>) = arguments.objects.iter().partition(is_catalogue);
+    let (mut objects, mut left_out) = (Vec::new(), Vec::new());
+    for path in catalogues {
+        let refused = |text: String| Failure::new(ExitCode::Config, text);
+        let catalogue = Catalogue::read(Some(path)).map_err(refused)?;
+        objects.extend(catalogue.objects().iter().map(|object| Annotated {
+            object: object.clone(),
+            file: path.display().to_string(),
+            scale_m: 1.0,
+            origin_m: object.origin_m,
+        }));
+    }
+    if !meshes.is_empty() {
+        let meshes: Vec<PathBuf> = meshes.into_iter().cloned().collect();
+        let (of_meshes, not_used) = of_meshes(&meshes, &arguments.options)?;
+        objects.extend(of_meshes);
+        left_out = not_used;
+    }
+    let mut names = BTreeSet::new();
+    for object in &objects {
+        let name = object.object.body.name();
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+        if !name.chars().all(is_plain) {
+            let text = format!("an object's name must have letters, digits, _, - and ., to name files, got {name:?}");
+            return Err(Failure::new(ExitCode::Config, text));
+        }
+        if !names.insert(name) {
+            let text = format!("objects must have different names, to name files; two are called {name}");
+            return Err(Failure::new(ExitCode::Config, text));
+        }
+    }
+    Ok((objects, left_out))
+}
+
+fn of_meshes(meshes: &[PathBuf], options: &MeshOptions) -> Result<(Vec<Annotated>, Vec<String>), Failure> {
+    let sources = sources(meshes)?;
+    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} files · {msg} · {eta} left");
+    let bar = ProgressBar::new(sources.len() as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let on_file = |file: &Path, state: FileState<'_>| match state {
+        FileState::Begun => bar.set_message(file.display().to_string()),
+        FileState::Made => bar.inc(1),
+        FileState::LeftOut(reason) => {
+            bar.suspend(|| print_error(&format!("left out: {reason}")));
+            bar.inc(1);
+        }
+    };
+    let config = Config::load(None, Overrides::default())?;
+    let imported = import_objects(&sources, &options.params(0, 0.0), &config, &on_file);
+    bar.finish_and_clear();
+    let imported = imported?;
+    let broken = |text: String| Failure::new(ExitCode::Internal, text);
+    let catalogue = Catalogue::parse(&imported.catalogue, Path::new("the imported objects")).map_err(broken)?;
+    let annotated = imported.objects.iter().zip(catalogue.objects()).map(|(of_file, object)| Annotated {
+        object: object.clone(),
+        file: of_file.file.display().to_string(),
+        scale_m: of_file.scale_m,
+        origin_m: object.origin_m + Vec3::from_array(of_file.middle_m.map(|m| m as f32)),
+    });
+    Ok((annotated.collect(), imported.left_out.into_iter().map(|one| one.reason).collect()))
+}
+
+fn document(infos: &[Value], left_out: &[String], out: &Path) -> Document {
+    let count = |info: &Value, outcome: &str| info["outcomes"][outcome].as_u64().unwrap_or(0);
+    let row = |info: &Value| {
+        let collisions = count(info, "pregrasp_collision") + count(info, "approach_collision");
+        let coverage = info["coverage"].as_f64().map_or("-".to_owned(), percent);
+        let poses = info["stable_poses"].as_array().map_or(0, Vec::len);
+        vec![
+            Cell::from(info["object"]["name"].as_str().unwrap_or_default()),
+            Cell::Count(info["object"]["parts_m"].as_array().map_or(0, Vec::len) as u64),
+            Cell::Count(info["grasps"].as_u64().unwrap_or(0)),
+            Cell::Count(count(info, "held")),
+            Cell::Count(count(info, "slipped")),
+            Cell::Count(count(info, "empty")),
+            Cell::Count(collisions),
+            Cell::number(coverage),
+            Cell::Count(poses as u64),
+        ]
+    };
+    let head = ["object", "parts", "grasps", "held", "slipped", "empty", "collisions", "covered", "stable poses"];
+    let few = infos.iter().filter(|info| info["grasps"].as_u64() < info["settings"]["params"]["grasps"].as_u64());
+    let few = few.map(|info| {
+        let [name, wanted] = [&info["object"]["name"], &info["settings"]["params"]["grasps"]];
+        let name = name.as_str().unwrap_or_default();
+        format!(
+            "{name}: {} grasps instead of {wanted}: the hand finds no more between two of its sides",
+            info["grasps"]
+        )
+    });
+    let (grasps, held): (u64, u64) = infos
+        .iter()
+        .fold((0, 0), |(all, held), info| (all + info["grasps"].as_u64().unwrap_or(0), held + count(info, "held")));
+    let plural = if infos.len() == 1 { "" } else { "s" };
+    let blocks = vec![
+        Block::Table(Table::new(head, infos.iter().map(row))),
+        Block::Warnings(few.chain(left_out.iter().map(|reason| format!("left out: {reason}"))).collect()),
+        Block::Text(format!(
+            "{grasps} grasps of {} object{plural}, {held} held, in {}; {} left out",
+            infos.len(),
+            out.display(),
+            left_out.len()
+        )),
+    ];
+    Document { blocks, ..Document::default() }
+}

@@ -1,0 +1,152 @@
+//! Files of an object's labelled grasps: our own table with everything, and the forms that other programs read.
+//!
+//! docs/exporting.md has the frames; each form was read from the code of those who made it.
+
+mod foreign;
+
+use report::view::flat_points;
+use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, StablePose, Vec3};
+use serde_json::{Value, json};
+use settings::words;
+use shards::{PlainColumn, plain_table, pose_columns};
+
+use program::Failure;
+
+words! {
+    /// A file's form.
+    #[derive(PartialOrd, Ord)]
+    pub enum GraspFormat {
+        /// One row a grasp, with everything that is known of it.
+        Parquet = "parquet",
+        /// Isaac Sim's `isaac_grasp` 1.0 (YAML).
+        IsaacGrasp = "isaac_grasp",
+        /// GraspGen's JSON.
+        GraspGen = "graspgen",
+        /// MolmoSpaces' `grasps.npz`: the grasps that held.
+        MolmoSpaces = "molmospaces",
+        /// GraspNet's 17 numbers (`.npy`): the grasps that held.
+        GraspNet = "graspnet",
+    }
+}
+
+impl GraspFormat {
+    /// What a file's name ends with after the object's.
+    #[must_use]
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Parquet => ".parquet",
+            Self::IsaacGrasp => ".isaac_grasp.yaml",
+            Self::GraspGen => ".graspgen.json",
+            Self::MolmoSpaces => ".molmospaces.npz",
+            Self::GraspNet => ".graspnet.npy",
+        }
+    }
+
+    /// The bytes of an object's file; a pure function of the set.
+    ///
+    /// # Errors
+    /// [`Failure`] if a library fails to write into memory.
+    pub fn bytes(self, set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
+        match self {
+            Self::Parquet => table(set),
+            Self::IsaacGrasp => Ok(foreign::isaac_grasp(set).into_bytes()),
+            Self::GraspGen => Ok(foreign::graspgen(set).into_bytes()),
+            Self::MolmoSpaces => foreign::molmospaces(set),
+            Self::GraspNet => Ok(foreign::graspnet(set)),
+        }
+    }
+}
+
+/// One row a grasp. `free_on_table` has bit n set if the hand stays off the table in the n-th stable pose.
+fn table(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
+    let grasps = &set.grasps;
+    let poses: Vec<&Pose> = grasps.iter().map(|grasp| &grasp.object_from_grasp).collect();
+    let real = |value: &dyn Fn(&ObjectGrasp) -> Option<f32>| PlainColumn::Real(grasps.iter().map(value).collect());
+    let text =
+        |value: fn(&ObjectGrasp) -> &str| PlainColumn::Text(grasps.iter().map(|g| value(g).to_owned()).collect());
+    let whole = |value: &dyn Fn(&ObjectGrasp) -> u64| PlainColumn::Whole(grasps.iter().map(value).collect());
+    let axis = |at: Option<Vec3>, axis: usize| at.map(|at| at.to_array()[axis]);
+    let before = [
+        ("grasp_id", PlainColumn::Whole((0..grasps.len() as u64).collect())),
+        ("source", text(|g| g.source.name())),
+        ("outcome", text(|g| g.outcome.name())),
+        ("held", whole(&|g| u64::from(g.outcome.label()))),
+    ];
+    let mut columns: Vec<(&str, PlainColumn)> = before.into_iter().chain(pose_columns(&poses)).collect();
+    columns.push(("width_m", real(&|g| g.width_m)));
+    for (side, names) in CONTACTS.into_iter().enumerate() {
+        for (number, name) in names.into_iter().enumerate() {
+            let (of, along) = (number / 3, number % 3);
+            let value = |g: &ObjectGrasp| axis(if of == 0 { g.contacts_m[side] } else { g.normals[side] }, along);
+            columns.push((name, real(&value)));
+        }
+    }
+    columns.extend([
+        ("closing_moved_m", real(&|g| g.closing.map(|motion| motion.0))),
+        ("closing_turned_rad", real(&|g| g.closing.map(|motion| motion.1))),
+        ("test_moved_m", real(&|g| g.test.map(|motion| motion.0))),
+        ("test_turned_rad", real(&|g| g.test.map(|motion| motion.1))),
+        ("friction_min", real(&|g| g.margins?.friction_min)),
+        ("tug_max_g", real(&|g| g.margins.map(|margins| margins.tug_max_g))),
+        ("robust_share", real(&|g| g.robust_share)),
+        ("free_on_table", whole(&free_poses)),
+        ("free_on_table_share", real(&|g| free_share(g, &set.stable_poses))),
+    ]);
+    plain_table(columns)
+}
+
+/// Columns of the left finger, then of the right: where it presses, and the object's normal there.
+const CONTACTS: [[&str; 6]; 2] = [
+    ["left_x_m", "left_y_m", "left_z_m", "left_normal_x", "left_normal_y", "left_normal_z"],
+    ["right_x_m", "right_y_m", "right_z_m", "right_normal_x", "right_normal_y", "right_normal_z"],
+];
+
+fn free_poses(grasp: &ObjectGrasp) -> u64 {
+    grasp.is_free_on_table.iter().enumerate().map(|(number, is_free)| u64::from(*is_free) << number).sum()
+}
+
+/// How likely an object lies so that the hand stays off the table; none if its poses are not known.
+fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f32> {
+    let known: f32 = poses.iter().map(|pose| pose.probability).sum();
+    let free = poses.iter().zip(&grasp.is_free_on_table).filter(|(_, is_free)| **is_free);
+    let free: f32 = free.map(|(pose, _)| pose.probability).sum();
+    (known > 0.0).then(|| free / known)
+}
+
+/// What is said of an object beside its grasps, as `NAME.json` has it.
+#[must_use]
+pub fn grasps_info(set: &ObjectGrasps) -> Value {
+    let outcomes: serde_json::Map<String, Value> = Outcome::ALL
+        .into_iter()
+        .map(|outcome| {
+            let count = set.grasps.iter().filter(|grasp| grasp.outcome == outcome).count();
+            (outcome.name().to_owned(), json!(count))
+        })
+        .collect();
+    let pose = |stable: &StablePose| {
+        let Pose { translation, rotation, .. } = stable.table_from_object;
+        json!({
+            "probability": stable.probability,
+            "position_m": translation.to_array(),
+            "quaternion_xyzw": rotation.to_array(),
+        })
+    };
+    json!({
+        "object": {
+            "name": set.name,
+            "file": set.file,
+            "scale_m": set.scale_m,
+            "extents_m": set.extents_m.to_array(),
+            "centre_of_mass_m": set.centre_of_mass_m.to_array(),
+            "parts_m": set.parts_m.iter().map(|part| flat_points(part.iter().copied())).collect::<Vec<_>>(),
+            "mass_kg": set.mass_kg,
+            "friction": set.friction,
+        },
+        "test": set.test.name(),
+        "gripper": set.gripper,
+        "grasps": set.grasps.len(),
+        "outcomes": outcomes,
+        "coverage": set.coverage,
+        "stable_poses": set.stable_poses.iter().map(pose).collect::<Vec<_>>(),
+    })
+}

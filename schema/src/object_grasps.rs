@@ -1,0 +1,118 @@
+//! Labelled grasps of one object that floats: what `graspmill objects annotate` makes.
+
+use settings::words;
+
+use crate::{Gripper, Outcome, Pose, Vec3};
+
+words! {
+    /// How a grasp of an object was drawn.
+    pub enum GraspSource {
+        /// Between two points that face each other within the cone of friction, so deep that the open hand fits.
+        Antipodal = "antipodal",
+        /// Along the inward normal of a point (VGN).
+        Normal = "normal",
+        /// An antipodal grasp, moved by up to 30 mm and turned by up to 30 degrees.
+        Displaced = "displaced",
+        /// Given by somebody else.
+        Given = "given",
+    }
+}
+
+words! {
+    /// What a floating object has to bear in the hand to be held.
+    pub enum GripTest {
+        /// Its weight, as it hangs from a hand that came from above.
+        Lift = "lift",
+        /// Its weight along each of the six directions of the hand's axes: it is held whichever way is down.
+        Turn = "turn",
+        /// GraspDataGen's five pulls of 1 g for half a second: out of the hand, and aslant to each side.
+        Tug = "tug",
+        /// To and fro along the approach by 40 mm to each side, then turned by 0.5 rad to each side about the closing
+        /// direction through the hand's base, two times a second, twice each: ACRONYM's directions, Newton's numbers.
+        Shake = "shake",
+    }
+}
+
+/// A labelled grasp, in the object's frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectGrasp {
+    /// Grasp frame: +z approach, +y closing, origin midway between the tips.
+    pub object_from_grasp: Pose,
+    /// How it was drawn.
+    pub source: GraspSource,
+    /// How it ended; `held` if the object bore the test.
+    pub outcome: Outcome,
+    /// Distance between the fingers after closing, in metres.
+    pub width_m: Option<f32>,
+    /// Where the left (−y) and the right finger press, in metres.
+    pub contacts_m: [Option<Vec3>; 2],
+    /// The outward normals of the object there.
+    pub normals: [Option<Vec3>; 2],
+    /// How far the centre of mass moved while the hand closed, in metres, and how far the object turned, in radians.
+    pub closing: Option<(f32, f32)>,
+    /// The same at the end of the test, against the closed fingers; of several loads the largest.
+    pub test: Option<(f32, f32)>,
+    /// How much it bears, if it was held and that was asked for.
+    pub margins: Option<Margins>,
+    /// Of the repeats of a grasp that held, moved as a calibration's errors would, the share that held.
+    pub robust_share: Option<f32>,
+    /// Whether the hand stays off the table on its way to it, for each of the object's stable poses.
+    pub is_free_on_table: Vec<bool>,
+}
+
+/// How much a grip bears before it gives way by 2 mm or 0.1 rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Margins {
+    /// The smallest friction coefficient between finger and object at which it bears the object's weight in all six
+    /// directions; `None` if it gives way at its own.
+    pub friction_min: Option<f32>,
+    /// The strongest pull that it bears in all six directions, in g; 0 below an eighth, 64 at most.
+    pub tug_max_g: f32,
+}
+
+/// A pose in which an object stays on a table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StablePose {
+    /// Table frame: z up, its top at z = 0; the object's frame is over its origin.
+    pub table_from_object: Pose,
+    /// Share of the drops that ended so.
+    pub probability: f32,
+}
+
+/// An object with its labelled grasps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectGrasps {
+    /// The object's name.
+    pub name: String,
+    /// The file it was read from.
+    pub file: String,
+    /// Metres per unit of that file.
+    pub scale_m: f64,
+    /// The hand.
+    pub gripper: Gripper,
+    /// What it had to bear.
+    pub test: GripTest,
+    /// Mass in kilograms.
+    pub mass_kg: f32,
+    /// Friction coefficient; with the hand's it makes that of a contact.
+    pub friction: f32,
+    /// Full lengths of its bounding box, in metres.
+    pub extents_m: Vec3,
+    /// The corners of its convex parts, in metres.
+    pub parts_m: Vec<Vec<Vec3>>,
+    /// Its centre of mass.
+    pub centre_of_mass_m: Vec3,
+    /// The grasps.
+    pub grasps: Vec<ObjectGrasp>,
+    /// Of the surface between whose points the hand could close, the share within 10 mm of a contact of a held grasp.
+    pub coverage: Option<f32>,
+    /// How it can stand or lie, likeliest first.
+    pub stable_poses: Vec<StablePose>,
+}
+
+impl ObjectGrasps {
+    /// The grasps that held.
+    pub fn held(&self) -> impl Iterator<Item = &ObjectGrasp> {
+        self.grasps.iter().filter(|grasp| grasp.outcome == Outcome::Held)
+    }
+}

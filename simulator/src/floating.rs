@@ -1,0 +1,446 @@
+//! A grasp of an object that floats: no table, and no gravity while the hand closes; then what the hand has is pulled
+//! or shaken.
+//!
+//! The frame is that of the grasp, and the hand stays where it is in it. A hand that moves is a frame that accelerates,
+//! in which what is free gains the opposite acceleration; so nothing is lost, and no step is spent on a way.
+
+use core::f32::consts::TAU;
+
+use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Quat, Vec3};
+
+use crate::attempt::{AttemptWorld, Execution, Objects, Stopping};
+use crate::bodies::{AttemptEngine as _, Bodies as _};
+use crate::contact::ContactBody;
+use crate::shortcuts::FreeClosing;
+use crate::stepper::{Stepper, Turning};
+use crate::{Body, Scene, SceneObject};
+
+/// The table of a floating object is this far below it.
+const FAR_M: f32 = 1e3;
+/// A pull comes up to its strength in this time, so that it is no blow.
+const RISE_S: f32 = 0.025;
+/// An object is at rest in the hand if it moves no faster than this, for [`REST_TIME_S`].
+const REST_SPEED_M_S: f32 = 0.001;
+const REST_TURN_RAD_S: f32 = 0.02;
+const REST_TIME_S: f32 = 0.025;
+
+/// An object that floats at the origin of its own frame, made ready for grasps.
+pub struct FloatingWorld<'a> {
+    world: AttemptWorld<'a>,
+}
+
+/// What happens to a hand that has closed. Directions are in the frame of the grasp.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Load {
+    /// What is free is accelerated, steadily.
+    Pull {
+        /// By so much, in m/s².
+        acceleration_m_s2: Vec3,
+        /// For so long after it came up, in seconds.
+        time_s: f32,
+    },
+    /// The hand goes to and fro along a direction, then it turns to and fro about a point.
+    Shake(Shake),
+}
+
+/// A hand that is shaken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shake {
+    /// From one end of its way to the other, in metres.
+    pub way_m: Vec3,
+    /// From one end of its turn to the other, in radians, about this axis …
+    pub turn_rad: Vec3,
+    /// … through this point.
+    pub pivot_m: Vec3,
+    /// There and back, a second.
+    pub rate_hz: f32,
+    /// How often of each.
+    pub cycles: f32,
+}
+
+/// When an object counts as lost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hold {
+    /// Its centre of mass has moved further than this against the fingers.
+    pub moved_m_max: f32,
+    /// It has turned further than this.
+    pub turned_rad_max: f32,
+}
+
+/// How an object moved in a hand.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Motion {
+    /// Its centre of mass, against the point between the fingers, in metres.
+    pub moved_m: f32,
+    /// In radians.
+    pub turned_rad: f32,
+}
+
+/// How a load ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ending {
+    /// Whether the object is still between both fingers, and has not moved too far.
+    pub is_held: bool,
+    /// How it moved under the load.
+    pub motion: Motion,
+}
+
+/// A hand that has closed on an object.
+#[derive(Clone)]
+pub struct Grip<'a> {
+    world: &'a AttemptWorld<'a>,
+    stepper: Stepper<'a>,
+    asymmetry_m: f32,
+    closing: Motion,
+    /// Pose of the object in the frame of the grasp.
+    grasp_from_object: Pose,
+}
+
+impl<'a> FloatingWorld<'a> {
+    /// Makes an object ready, with its mass in kilograms and its friction.
+    ///
+    /// # Panics
+    /// If the physics is not that of the stepper: the other engine has no floating objects.
+    #[must_use]
+    pub fn new(
+        physics: &'a Physics,
+        gripper: &'a Gripper,
+        procedure: &'a Procedure,
+        (body, mass_kg, friction): (&Body, f32, f32),
+    ) -> Self {
+        assert!(physics.engine == Engine::Stepper, "floating objects are the stepper's");
+        let object = SceneObject { body: body.clone(), mass_kg, friction, workspace_from_object: Pose::IDENTITY };
+        let scene = Scene { table_z_m: -FAR_M, fixtures: Vec::new(), objects: vec![object] };
+        Self { world: AttemptWorld::new(physics, gripper, procedure, &scene) }
+    }
+
+    /// Closes the hand at a grasp in the object's frame; or how the attempt ended before anything was between the
+    /// fingers: the hand cannot come there, or the jaws met.
+    ///
+    /// # Errors
+    /// The end of the attempt.
+    pub fn close(&self, object_from_grasp: &Pose) -> Result<Grip<'_>, Execution> {
+        let world = &self.world;
+        if let Some((outcome, hit)) = world.gate.blocked(object_from_grasp, 0) {
+            return Err(Execution { outcome, hit: Some(hit), width_m: None, steps: 0 });
+        }
+        let empty = |width_m, steps| Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m), steps };
+        let mut skipped = 0;
+        if world.physics.shortcuts {
+            match world.free_closing(object_from_grasp) {
+                FreeClosing::Empty { width_m, .. } => return Err(empty(width_m, 0)),
+                FreeClosing::Steps(steps) => skipped = steps,
+            }
+        }
+        let Objects::Stepper(things) = &world.objects else { unreachable!("the stepper was asked for") };
+        let closed_m = skipped as f32 * world.closing_step_m();
+        let most_m = [0.5 * world.gripper.opening_m_max; 2];
+        let mut stepper = Stepper::new(
+            world.physics,
+            world.gripper,
+            things,
+            world.table_z_m,
+            object_from_grasp,
+            (closed_m, most_m),
+            !world.physics.shortcuts,
+        );
+        stepper.accelerate(Vec3::ZERO, None);
+        let before = Placed::of(&stepper);
+        let mut fingers = Stopping::new(world.physics, stepper.closed_m());
+        // On a table friction ends what the first touch began; what floats would drift on between two fingers that
+        // know nothing of each other. From when both press, they are tied as in a lift.
+        let mut asymmetry_m = None;
+        for step in skipped..world.physics.steps(world.procedure.close_time_s_max) {
+            stepper.step();
+            let closed_m = stepper.closed_m();
+            let width_m = world.gripper.opening_m_max - closed_m[0] - closed_m[1];
+            if width_m <= world.procedure.empty_width_m {
+                return Err(empty(width_m.max(0.0), step + 1 - skipped));
+            }
+            if asymmetry_m.is_some() || stepper.is_gripped(0) {
+                stepper.press(*asymmetry_m.get_or_insert(closed_m[0] - closed_m[1]));
+            }
+            if fingers.have_stopped(closed_m) {
+                break;
+            }
+        }
+        let [left, right] = stepper.closed_m();
+        let asymmetry_m = asymmetry_m.unwrap_or(left - right);
+        let after = Placed::of(&stepper);
+        let closing =
+            Motion { moved_m: (after.centre_m - before.centre_m).length(), turned_rad: after.turned_rad(&before) };
+        let grasp_from_object = stepper.pose(0);
+        Ok(Grip { world, stepper, asymmetry_m, closing, grasp_from_object })
+    }
+
+    /// The object's centre of mass, in its frame, in metres.
+    #[must_use]
+    pub fn centre_of_mass_m(&self) -> Vec3 {
+        let Objects::Stepper(things) = &self.world.objects else { unreachable!("the stepper was asked for") };
+        things.centre_m(0)
+    }
+
+    /// By how much the open hand stops short of a grasp when it comes along the approach and halts before the object;
+    /// `None` if it touches the object at the pre-grasp.
+    #[must_use]
+    pub fn stops_short_m(&self, object_from_grasp: &Pose) -> Option<f32> {
+        let way_m = self.world.gate.free_way_m(object_from_grasp, 0)?;
+        Some((self.world.procedure.pregrasp_distance_m - way_m).max(0.0))
+    }
+}
+
+/// Where an object is in the hand.
+#[derive(Clone, Copy)]
+struct Placed {
+    centre_m: Vec3,
+    rotation: Quat,
+    /// The point between the fingers, along y.
+    middle_m: f32,
+}
+
+impl Placed {
+    fn of(stepper: &Stepper<'_>) -> Self {
+        let [left, right] = stepper.closed_m();
+        Self { centre_m: stepper.centre_m(0), rotation: stepper.pose(0).rotation, middle_m: 0.5 * (left - right) }
+    }
+
+    fn turned_rad(&self, before: &Self) -> f32 {
+        let turn = self.rotation * before.rotation.inverse();
+        let along = Vec3::new(turn.x, turn.y, turn.z).length();
+        2.0 * libm::atan2f(along, turn.w.abs())
+    }
+
+    fn motion(&self, before: &Self) -> Motion {
+        let sagged_m = Vec3::Y * (self.middle_m - before.middle_m);
+        let moved_m = (self.centre_m - before.centre_m - sagged_m).length();
+        Motion { moved_m, turned_rad: self.turned_rad(before) }
+    }
+}
+
+impl Grip<'_> {
+    /// Distance between the fingers, in metres.
+    #[must_use]
+    pub fn width_m(&self) -> f32 {
+        let [left, right] = self.stepper.closed_m();
+        (self.world.gripper.opening_m_max - left - right).max(0.0)
+    }
+
+    /// How the object moved while the hand closed.
+    #[must_use]
+    pub fn closing(&self) -> Motion {
+        self.closing
+    }
+
+    /// Where the left (−y) and the right finger press on the object: the middle of the points that carry load, in the
+    /// object's frame, in metres; `None` for a finger that does not.
+    #[must_use]
+    pub fn contacts_m(&self) -> [Option<Vec3>; 2] {
+        let contacts = self.stepper.contacts();
+        [ContactBody::LeftFinger, ContactBody::RightFinger].map(|finger| {
+            let contact = contacts.iter().find(|contact| contact.between[0] == finger)?;
+            let middle_m = contact.points_m.iter().sum::<Vec3>() / contact.points_m.len() as f32;
+            Some(self.grasp_from_object.inverse_transform_point(middle_m))
+        })
+    }
+
+    /// Whether the object stays in the hand under a load, with the hand's friction multiplied by `friction_factor`
+    /// once it has closed. The grip itself stays as it is.
+    #[must_use]
+    pub fn bear(&self, load: &Load, hold: &Hold, friction_factor: f32) -> Ending {
+        let (physics, procedure) = (self.world.physics, self.world.procedure);
+        let mut stepper = self.stepper.clone();
+        stepper.scale_friction(friction_factor);
+        let before = Placed::of(&stepper);
+        let (rest_steps, mut resting) = (physics.steps(REST_TIME_S), 0);
+        let mut motion = Motion::default();
+        for step in 0..physics.steps(load.time_s()) {
+            let time_s = (step as f32 + 0.5) * physics.dt_s();
+            let (gravity_m_s2, turning) = load.at(time_s);
+            stepper.accelerate(gravity_m_s2, turning);
+            stepper.press(self.asymmetry_m);
+            stepper.move_to(Vec3::ZERO);
+            stepper.step();
+            motion = Placed::of(&stepper).motion(&before);
+            let [left, right] = stepper.closed_m();
+            let width_m = self.world.gripper.opening_m_max - left - right;
+            let is_lost = motion.moved_m > hold.moved_m_max || motion.turned_rad > hold.turned_rad_max;
+            if is_lost || width_m <= procedure.empty_width_m {
+                return Ending { is_held: false, motion };
+            }
+            if physics.shortcuts && load.is_steady(time_s) {
+                let [linear_m_s, angular_rad_s] = stepper.velocities(0);
+                let rests = linear_m_s.length() <= REST_SPEED_M_S && angular_rad_s.length() <= REST_TURN_RAD_S;
+                resting = if rests && stepper.is_gripped(0) { resting + 1 } else { 0 };
+                if resting >= rest_steps {
+                    break;
+                }
+            }
+        }
+        Ending { is_held: stepper.is_gripped(0), motion }
+    }
+}
+
+impl Load {
+    /// How long it lasts, in seconds.
+    #[must_use]
+    pub fn time_s(&self) -> f32 {
+        match self {
+            Self::Pull { time_s, .. } => RISE_S + time_s,
+            Self::Shake(shake) => 2.0 * shake.cycles / shake.rate_hz,
+        }
+    }
+
+    /// Whether it stays as it is from then on.
+    fn is_steady(&self, time_s: f32) -> bool {
+        matches!(self, Self::Pull { .. }) && time_s >= RISE_S
+    }
+
+    /// What is free gains so much in the hand's frame, which turns so.
+    fn at(&self, time_s: f32) -> (Vec3, Option<Turning>) {
+        match self {
+            Self::Pull { acceleration_m_s2, .. } => {
+                let share = (time_s / RISE_S).min(1.0);
+                (*acceleration_m_s2 * (share * share * (3.0 - 2.0 * share)), None)
+            }
+            Self::Shake(shake) => shake.at(time_s),
+        }
+    }
+}
+
+impl Shake {
+    /// The way is half its length times 1 − cos: it starts and ends at rest.
+    fn at(&self, time_s: f32) -> (Vec3, Option<Turning>) {
+        let half_s = self.cycles / self.rate_hz;
+        let (rate, swings_s) = (TAU * self.rate_hz, if time_s < half_s { time_s } else { time_s - half_s });
+        let (sin, cos) = libm::sincosf(rate * swings_s);
+        if time_s < half_s {
+            return (self.way_m * (-0.5 * rate * rate * cos), None);
+        }
+        let turning = Turning {
+            pivot_m: self.pivot_m,
+            rate_rad_s: self.turn_rad * (0.5 * rate * sin),
+            change_rad_s2: self.turn_rad * (0.5 * rate * rate * cos),
+        };
+        (Vec3::ZERO, Some(turning))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f32::consts::PI;
+
+    use schema::{ShapeKind, Solid};
+
+    use super::*;
+
+    const FAITHFUL: Physics = Physics { solver_iterations: 8, ..Physics::FAITHFUL };
+    const TIGHT: Hold = Hold { moved_m_max: 0.002, turned_rad_max: 0.1 };
+
+    fn hand() -> Gripper {
+        Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
+    }
+
+    /// A block of 40 × 40 × 20 mm.
+    fn block() -> Body {
+        Solid::new(ShapeKind::Cuboid, Vec3::new(0.04, 0.04, 0.02)).unwrap().into()
+    }
+
+    /// The grasp that has all of it between the fingers, its weight in the middle of what they press on.
+    fn about_it() -> Pose {
+        Pose::from_translation(Vec3::new(0.0, 0.0, 0.015))
+    }
+
+    /// The largest of accelerations, in m/s², between which a grip holds, by halving.
+    fn most(low: f32, high: f32, holds: impl Fn(f32) -> bool) -> f32 {
+        let (mut low, mut high) = (low, high);
+        assert!(holds(low) && !holds(high), "{low} to {high}");
+        for _ in 0..12 {
+            let middle = 0.5 * (low + high);
+            *if holds(middle) { &mut low } else { &mut high } = middle;
+        }
+        low
+    }
+
+    /// Two plates with friction μ that press with F hold m against a: 2 μ F = m a.
+    #[test]
+    fn a_block_between_plates_holds_as_coulomb_says() {
+        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        for (physics, mass_kg) in [(FAITHFUL, 2.0), (FAITHFUL, 0.7), (Physics::STANDARD, 2.0)] {
+            let world = FloatingWorld::new(&physics, &gripper, &procedure, (&block(), mass_kg, 0.6));
+            let grip = world.close(&about_it()).ok().unwrap();
+            assert!((grip.width_m() - 0.04).abs() < 5e-4 && grip.closing().moved_m < 5e-4);
+            let expected = 2.0 * gripper.friction * 0.6 * gripper.finger_force_n / mass_kg;
+            for direction in [Vec3::X, -Vec3::X, Vec3::Z, -Vec3::Z] {
+                let pull = |m_s2: f32| Load::Pull { acceleration_m_s2: direction * m_s2, time_s: 0.5 };
+                let got = most(0.2 * expected, 3.0 * expected, |m_s2| grip.bear(&pull(m_s2), &TIGHT, 1.0).is_held);
+                assert!((got / expected - 1.0).abs() < 0.03, "{got} of {expected} m/s² along {direction}: {physics:?}");
+            }
+            let pull = Load::Pull { acceleration_m_s2: Vec3::Z * 0.25 * expected, time_s: 0.5 };
+            let least = 1.0 - most(0.0, 0.99, |less| grip.bear(&pull, &TIGHT, 1.0 - less).is_held);
+            assert!((least / 0.25 - 1.0).abs() < 0.03, "friction by {least}: {physics:?}");
+        }
+    }
+
+    /// In a frame that turns about its origin, a body that is free and rests stays where it is for who does not turn.
+    #[test]
+    fn what_nothing_holds_stays_where_it_is_while_the_frame_turns() {
+        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        let body: Body = Solid::new(ShapeKind::Cuboid, Vec3::new(0.02, 0.04, 0.07)).unwrap().into();
+        let away = Pose::from_translation(Vec3::new(0.0, 0.0, -0.5));
+        let world = FloatingWorld::new(&FAITHFUL, &gripper, &procedure, (&body, 0.3, 0.6));
+        let Objects::Stepper(things) = &world.world.objects else { unreachable!() };
+        let mut stepper = Stepper::new(&FAITHFUL, &gripper, things, -FAR_M, &away, (0.0, [0.04; 2]), true);
+        let pivot_m = Vec3::new(0.02, -0.03, 0.0);
+        let axis = Vec3::new(1.0, 2.0, -0.5).normalize();
+        let start = stepper.centre_m(0);
+        // The turn grows as ½ α t² for a quarter of a second.
+        let (change, steps) = (20.0, 60);
+        for step in 0..steps {
+            let time_s = (step as f32 + 0.5) * FAITHFUL.dt_s();
+            let turning = Turning { pivot_m, rate_rad_s: axis * (change * time_s), change_rad_s2: axis * change };
+            stepper.accelerate(Vec3::ZERO, Some(turning));
+            stepper.step();
+        }
+        let time_s = steps as f32 * FAITHFUL.dt_s();
+        let turned = Quat::from_axis_angle(axis, 0.5 * change * time_s * time_s);
+        let expected = pivot_m + turned.inverse() * (start - pivot_m);
+        assert!((stepper.centre_m(0) - start).length() > 0.2, "it went far in the frame");
+        assert!((stepper.centre_m(0) - expected).length() < 0.003, "{} for {expected}", stepper.centre_m(0));
+        let left = stepper.pose(0).rotation * turned;
+        assert!(2.0 * left.w.abs().min(1.0).acos() < 0.02, "{left}");
+    }
+
+    /// A shake of ± half its way asks for A/2 (2π f)² at its ends, and a turn of ± half for that at the pivot's
+    /// distance.
+    #[test]
+    fn a_shake_loses_what_coulomb_cannot_hold() {
+        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        let mass_kg = 1.0;
+        let world = FloatingWorld::new(&FAITHFUL, &gripper, &procedure, (&block(), mass_kg, 0.5));
+        let grip = world.close(&about_it()).ok().unwrap();
+        let holds_m_s2 = 2.0 * gripper.friction * 0.5 * gripper.finger_force_n / mass_kg;
+        let rate_hz = 4.0;
+        let way_m = 2.0 * holds_m_s2 / (TAU * rate_hz).powi(2);
+        let shake = |way: Vec3, turn: Vec3| {
+            let pivot_m = Vec3::new(0.0, 0.0, -0.2);
+            Load::Shake(Shake { way_m: way, turn_rad: turn, pivot_m, rate_hz, cycles: 3.0 })
+        };
+        let loose = Hold { moved_m_max: 0.01, turned_rad_max: PI };
+        let bears = |load: Load| grip.bear(&load, &loose, 1.0).is_held;
+        assert!(bears(shake(Vec3::Z * (0.9 * way_m), Vec3::ZERO)));
+        assert!(!bears(shake(Vec3::Z * (1.6 * way_m), Vec3::ZERO)));
+        assert!(bears(shake(Vec3::ZERO, Vec3::Y * (0.6 * way_m / 0.2))));
+        assert!(!bears(shake(Vec3::ZERO, Vec3::Y * (2.0 * way_m / 0.2))));
+    }
+
+    #[test]
+    fn what_cannot_be_closed_on_says_why() {
+        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        let world = FloatingWorld::new(&Physics::STANDARD, &gripper, &procedure, (&block(), 0.1, 1.0));
+        let ends =
+            |at: Vec3| world.close(&Pose::from_translation(at)).map_or_else(|end| end.outcome, |_| Outcome::Held);
+        assert_eq!(ends(Vec3::new(0.0, 0.0, -0.1)), Outcome::Empty);
+        assert_eq!(ends(Vec3::new(0.0, 0.03, 0.0)), Outcome::ApproachCollision);
+        assert_eq!(ends(Vec3::new(0.0, 0.03, 0.05)), Outcome::PregraspCollision);
+    }
+}
