@@ -5,6 +5,7 @@
 //! neither threads nor an interruption change anything.
 
 mod draw;
+mod objects;
 mod stable;
 mod surface;
 
@@ -26,7 +27,7 @@ use crate::catalogue::CatalogueObject;
 /// Grasps are tried this many at a time, on all cores.
 const CHUNK: usize = 1_024;
 /// Points that measure what is covered, and how near a contact must be.
-const COVERAGE_NUMBERS: u64 = 4_000;
+const COVERAGE_NUMBERS: u64 = 2_000;
 const COVERED_M: f32 = 0.01;
 /// Standard gravity, in m/s².
 const G_M_S2: f32 = 9.806_65;
@@ -322,11 +323,11 @@ impl<'a> Bench<'a> {
     fn coverage(&self, draw: &Draw<'_>, grasps: &[ObjectGrasp]) -> Option<f32> {
         let held = grasps.iter().filter(|grasp| grasp.outcome == Outcome::Held);
         let contacts_m: Vec<Vec3> = held.flat_map(|grasp| grasp.contacts_m).flatten().collect();
-        let points = (0..COVERAGE_NUMBERS).filter_map(|number| draw.point(number));
-        let graspable: Vec<Vec3> = points
-            .filter(|point| draw.pair(point, -point.normal).is_some())
-            .map(|point| point.at_m + self.annotated.origin_m)
-            .collect();
+        let graspable = |number: u64| {
+            let point = draw.point(number).filter(|point| draw.is_graspable(point))?;
+            Some(point.at_m + self.annotated.origin_m)
+        };
+        let graspable: Vec<Vec3> = (0..COVERAGE_NUMBERS).into_par_iter().filter_map(graspable).collect();
         let is_near = |at_m: &&Vec3| contacts_m.iter().any(|contact_m| (**at_m - *contact_m).length() <= COVERED_M);
         let near = graspable.iter().filter(is_near).count();
         (!graspable.is_empty()).then(|| near as f32 / graspable.len() as f32)
@@ -348,12 +349,7 @@ impl<'a> Bench<'a> {
             mass_kg: object.mass_kg,
             friction: object.friction,
             extents_m: object.body.extents_m(),
-            parts_m: object
-                .body
-                .polyhedra()
-                .iter()
-                .map(|part| part.corners_m().iter().map(|corner_m| *corner_m + *origin_m).collect())
-                .collect(),
+            parts: object.body.polyhedra().iter().map(|part| part.moved(&Pose::from_translation(*origin_m))).collect(),
             centre_of_mass_m: self.world().centre_of_mass_m() + *origin_m,
             grasps,
             coverage,
@@ -389,6 +385,131 @@ fn loads(params: &AnnotateParams) -> Vec<Load> {
                 rate_hz: 2.0,
                 cycles: 2.0,
             })]
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f32::consts::FRAC_PI_2;
+
+    use rayon::ThreadPoolBuilder;
+    use schema::{ShapeKind, Solid};
+    use simulator::{Body, Compound, Part, PartShape};
+
+    use super::*;
+
+    fn annotated(body: Body, mass_kg: f32, friction: f32) -> Annotated {
+        let object = CatalogueObject { body, mass_kg, friction, origin_m: Vec3::ZERO };
+        Annotated { object, file: "a test".to_owned(), scale_m: 1.0, origin_m: Vec3::new(0.5, -1.0, 2.0) }
+    }
+
+    fn cuboid(extents_m: [f32; 3]) -> Body {
+        Solid::new(ShapeKind::Cuboid, Vec3::from_array(extents_m)).unwrap().into()
+    }
+
+    /// An L of two boxes.
+    fn ell() -> Body {
+        let part = |size_m: [f32; 3], at_m: Vec3| Part {
+            shape: PartShape::Solid(Solid::new(ShapeKind::Cuboid, Vec3::from_array(size_m)).unwrap()),
+            object_from_part: Pose::from_translation(at_m),
+        };
+        let lying = part([0.08, 0.04, 0.02], Vec3::new(0.0, 0.0, 0.01));
+        let standing = part([0.02, 0.04, 0.06], Vec3::new(-0.03, 0.0, 0.05));
+        Compound::new("ell", vec![lying, standing]).unwrap().into()
+    }
+
+    fn few(grasps: usize) -> AnnotateParams {
+        AnnotateParams { grasps, drops: 0, ..AnnotateParams::default() }
+    }
+
+    fn all(annotated: &Annotated, params: &AnnotateParams) -> ObjectGrasps {
+        annotate(annotated, params, &mut |_| true).unwrap()
+    }
+
+    #[test]
+    fn a_set_is_the_same_whatever_the_threads_and_its_sources_have_their_shares() {
+        let object = annotated(ell(), 0.1, 0.8);
+        let params = AnnotateParams { margins: true, repeats: 2, drops: 5, ..few(300) };
+        let on = |threads: usize| {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| all(&object, &params))
+        };
+        let set = on(1);
+        assert_eq!(set, on(3));
+        assert_eq!(set.grasps.len(), 300);
+        for (source, share) in
+            [(GraspSource::Antipodal, 0.8), (GraspSource::Normal, 0.1), (GraspSource::Displaced, 0.1)]
+        {
+            let count = set.grasps.iter().filter(|grasp| grasp.source == source).count() as f32;
+            assert!((count / 300.0 - share).abs() < 0.02, "{source:?}: {count}");
+        }
+        // The open hand comes to every antipodal grasp, and what is drawn first is not changed by how many follow.
+        let reached = |grasp: &&ObjectGrasp| grasp.source == GraspSource::Antipodal;
+        assert!(set.grasps.iter().filter(reached).all(|grasp| grasp.width_m.is_some()));
+        assert_eq!(all(&object, &AnnotateParams { grasps: 100, ..params }).grasps, set.grasps[..100]);
+        assert!(annotate(&object, &few(100), &mut |_| false).is_none());
+    }
+
+    #[test]
+    fn only_what_holds_is_kept_where_that_is_asked_for_and_covers_the_object() {
+        let object = annotated(ell(), 0.1, 0.8);
+        let set = all(&object, &AnnotateParams { is_held_only: true, ..few(400) });
+        assert!(set.grasps.len() == 400 && set.held().count() == 400);
+        assert!(set.coverage.unwrap() > 0.95, "{:?}", set.coverage);
+        // Contacts are in the frame in which grasps are given, on the surface; the middle of several may be beside it.
+        let contacts_m: Vec<Vec3> = set.grasps.iter().flat_map(|grasp| grasp.contacts_m).flatten().collect();
+        let off_m = |at_m: &Vec3| object.object.body.distance_outside_m(*at_m - object.origin_m).abs();
+        let on_surface = contacts_m.iter().filter(|at_m| off_m(at_m) < 5e-4).count();
+        assert!(contacts_m.len() == 800 && on_surface >= 780, "{on_surface} of {}", contacts_m.len());
+    }
+
+    #[test]
+    fn a_wall_too_wide_for_the_hand_has_no_grasps() {
+        let object = annotated(cuboid([0.2, 0.25, 0.3]), 1.0, 0.8);
+        let params = AnnotateParams { shares: GraspShares { antipodal: 1.0, normal: 0.0, displaced: 0.0 }, ..few(50) };
+        let set = all(&object, &params);
+        assert_eq!((set.grasps.len(), set.coverage), (0, None));
+    }
+
+    /// 2 μ F = m a: with the grip in the middle of a block, in every direction but that of closing.
+    #[test]
+    fn margins_are_those_of_coulomb() {
+        let object = annotated(cuboid([0.04, 0.04, 0.02]), 0.5, 0.5);
+        let params = AnnotateParams { margins: true, ..few(1) };
+        let middle = Pose::from_translation(object.origin_m + Vec3::new(0.0, 0.0, 0.015));
+        let beside = Pose::from_translation(object.origin_m + Vec3::new(0.012, 0.0, 0.015));
+        let set = relabel(&object, &params, &[middle, beside]);
+        let hand = &params.gripper;
+        let tug_g = 2.0 * hand.friction * 0.5 * hand.finger_force_n / (0.5 * G_M_S2);
+        let friction = 0.5 * 0.5 * G_M_S2 / hand.finger_force_n;
+        let [middle, beside] = [0, 1].map(|number| set.grasps[number].margins.unwrap());
+        assert!((middle.tug_max_g / tug_g - 1.0).abs() < 0.03, "{middle:?}, by the closed form {tug_g} g");
+        assert!((middle.friction_min.unwrap() / friction - 1.0).abs() < 0.05, "{middle:?}, {friction}");
+        // 12 mm beside the middle the weight turns the block, too.
+        assert!(beside.tug_max_g < 0.8 * middle.tug_max_g && beside.friction_min > middle.friction_min, "{beside:?}");
+    }
+
+    #[test]
+    fn a_brick_lies_on_its_six_sides_and_hands_from_below_are_in_the_table() {
+        let mut object = annotated(cuboid([0.03, 0.05, 0.07]), 0.1, 0.8);
+        object.origin_m = Vec3::new(0.1, 0.2, 0.3);
+        let down = Pose::from_parts(object.origin_m, axis_angle(Vec3::X, PI));
+        let aside = Pose::from_parts(object.origin_m, axis_angle(Vec3::Y, FRAC_PI_2));
+        let set = relabel(&object, &AnnotateParams { drops: 120, ..few(1) }, &[down, aside]);
+        let poses = &set.stable_poses;
+        let sum: f32 = poses.iter().map(|pose| pose.probability).sum();
+        assert!(poses.len() <= 6 && poses.len() >= 4 && sum > 0.95, "{poses:?}");
+        assert!(poses.windows(2).all(|pair| pair[0].probability >= pair[1].probability));
+        for (number, pose) in poses.iter().enumerate() {
+            // The object's middle is half a side above the table.
+            let middle_m = pose.table_from_object.transform_point(object.origin_m);
+            assert!(middle_m.truncate().length() < 1e-3 && (0.014..0.036).contains(&middle_m.z), "{middle_m}");
+            for grasp in &set.grasps {
+                let approach = pose.table_from_object.rotation * grasp.object_from_grasp.rotation * Vec3::Z;
+                let is_free = grasp.is_free_on_table[number];
+                assert!(approach.z.abs() < 0.5 || is_free == (approach.z < 0.0), "{approach}: {is_free}");
+            }
         }
     }
 }

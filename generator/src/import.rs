@@ -104,6 +104,24 @@ pub struct ImportParams {
     pub rests_min: f64,
 }
 
+impl Default for ImportParams {
+    /// Those of `graspmill objects import`, without test drops.
+    fn default() -> Self {
+        Self {
+            scale: None,
+            density: None,
+            mass: None,
+            friction: 0.8,
+            each: None,
+            hulls_max: 8,
+            corners_max: 32,
+            voxels: 96,
+            drops: 0,
+            rests_min: 0.0,
+        }
+    }
+}
+
 /// The result of an import.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Imported {

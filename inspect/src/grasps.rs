@@ -3,6 +3,7 @@
 //! docs/exporting.md has the frames; each form was read from the code of those who made it.
 
 mod foreign;
+mod page;
 
 use report::view::flat_points;
 use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, StablePose, Vec3};
@@ -11,6 +12,8 @@ use settings::words;
 use shards::{PlainColumn, plain_table, pose_columns};
 
 use program::Failure;
+
+pub use page::{grasps_index, grasps_picture, grasps_view};
 
 words! {
     /// A file's form.
@@ -106,7 +109,7 @@ fn free_poses(grasp: &ObjectGrasp) -> u64 {
 }
 
 /// How likely an object lies so that the hand stays off the table; none if its poses are not known.
-fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f32> {
+pub(super) fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f32> {
     let known: f32 = poses.iter().map(|pose| pose.probability).sum();
     let free = poses.iter().zip(&grasp.is_free_on_table).filter(|(_, is_free)| **is_free);
     let free: f32 = free.map(|(pose, _)| pose.probability).sum();
@@ -138,7 +141,7 @@ pub fn grasps_info(set: &ObjectGrasps) -> Value {
             "scale_m": set.scale_m,
             "extents_m": set.extents_m.to_array(),
             "centre_of_mass_m": set.centre_of_mass_m.to_array(),
-            "parts_m": set.parts_m.iter().map(|part| flat_points(part.iter().copied())).collect::<Vec<_>>(),
+            "parts_m": set.parts.iter().map(|part| flat_points(part.corners_m().iter().copied())).collect::<Vec<_>>(),
             "mass_kg": set.mass_kg,
             "friction": set.friction,
         },

@@ -24,7 +24,7 @@ mod view;
 
 pub use browse::browse;
 pub use export::{ExportCounts, ExportFormat, ExportOrigin, Exported, export};
-pub use grasps::{GraspFormat, grasps_info};
+pub use grasps::{GraspFormat, grasps_index, grasps_info, grasps_picture, grasps_view};
 pub use pictures::{scene_svg, spread};
 pub use statistics::{Bin, Coverage, Fit, Group, Law, OutcomeGroup, Report, TableSize, report};
 pub use tsdf::tsdf;

@@ -4,6 +4,7 @@
 //! names them; here arrays have the right types. All work runs without the interpreter's lock (`detached`), on threads
 //! of this module's own (`pool`), and a panic becomes an exception (`fault`).
 
+mod annotate;
 mod crops;
 mod dataset;
 mod detached;
@@ -21,6 +22,8 @@ use regex_syntax as _; // for its features alone, which proptest switches on
 /// The module `graspmill._native`.
 #[pymodule]
 mod _native {
+    #[pymodule_export]
+    use crate::annotate::Annotation;
     #[pymodule_export]
     use crate::crops::Crops;
     #[pymodule_export]

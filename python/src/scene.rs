@@ -241,6 +241,13 @@ impl Body {
     }
 }
 
+impl Body {
+    /// The shape.
+    pub(crate) fn body(&self) -> &simulator::Body {
+        &self.body
+    }
+}
+
 /// About how many voxels a mesh's triangles cross, each triangle for itself, at least.
 fn crossings(corners_m: &[Vec3], triangles: &[[u32; 3]], resolution: u32) -> f32 {
     let [low, high] = schema::bounds_m(corners_m);

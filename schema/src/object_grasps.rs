@@ -2,7 +2,7 @@
 
 use settings::words;
 
-use crate::{Gripper, Outcome, Pose, Vec3};
+use crate::{Gripper, Outcome, Polyhedron, Pose, Vec3};
 
 words! {
     /// How a grasp of an object was drawn.
@@ -98,13 +98,14 @@ pub struct ObjectGrasps {
     pub friction: f32,
     /// Full lengths of its bounding box, in metres.
     pub extents_m: Vec3,
-    /// The corners of its convex parts, in metres.
-    pub parts_m: Vec<Vec<Vec3>>,
+    /// Its convex parts.
+    pub parts: Vec<Polyhedron>,
     /// Its centre of mass.
     pub centre_of_mass_m: Vec3,
     /// The grasps.
     pub grasps: Vec<ObjectGrasp>,
-    /// Of the surface between whose points the hand could close, the share within 10 mm of a contact of a held grasp.
+    /// Of the surface on which the open hand can come and close, straight across a wall or the object, the share within
+    /// 10 mm of a contact of a grasp that held.
     pub coverage: Option<f32>,
     /// How it can stand or lie, likeliest first.
     pub stable_poses: Vec<StablePose>,

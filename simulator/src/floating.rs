@@ -10,7 +10,6 @@ use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Quat, Vec3};
 
 use crate::attempt::{AttemptWorld, Execution, Objects, Stopping};
 use crate::bodies::{AttemptEngine as _, Bodies as _};
-use crate::contact::ContactBody;
 use crate::shortcuts::FreeClosing;
 use crate::stepper::{Stepper, Turning};
 use crate::{Body, Scene, SceneObject};
@@ -173,6 +172,12 @@ impl<'a> FloatingWorld<'a> {
         Ok(Grip { world, stepper, asymmetry_m, closing, grasp_from_object })
     }
 
+    /// Whether the open hand comes to a grasp without touching the object.
+    #[must_use]
+    pub fn is_reached(&self, object_from_grasp: &Pose) -> bool {
+        self.world.gate.blocked(object_from_grasp, 0).is_none()
+    }
+
     /// The object's centre of mass, in its frame, in metres.
     #[must_use]
     pub fn centre_of_mass_m(&self) -> Vec3 {
@@ -231,16 +236,12 @@ impl Grip<'_> {
         self.closing
     }
 
-    /// Where the left (−y) and the right finger press on the object: the middle of the points that carry load, in the
-    /// object's frame, in metres; `None` for a finger that does not.
+    /// Where the left (−y) and the right finger press on the object, in its frame, in metres: the middle of the points
+    /// on the part on which the finger presses most; `None` for one that does not press.
     #[must_use]
     pub fn contacts_m(&self) -> [Option<Vec3>; 2] {
-        let contacts = self.stepper.contacts();
-        [ContactBody::LeftFinger, ContactBody::RightFinger].map(|finger| {
-            let contact = contacts.iter().find(|contact| contact.between[0] == finger)?;
-            let middle_m = contact.points_m.iter().sum::<Vec3>() / contact.points_m.len() as f32;
-            Some(self.grasp_from_object.inverse_transform_point(middle_m))
-        })
+        let in_object = |at_m: Vec3| self.grasp_from_object.inverse_transform_point(at_m);
+        [0, 1].map(|finger| self.stepper.pressed_at_m(finger, 0).map(in_object))
     }
 
     /// Whether the object stays in the hand under a load, with the hand's friction multiplied by `friction_factor`

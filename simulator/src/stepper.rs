@@ -244,6 +244,13 @@ impl<'a> Stepper<'a> {
         self.jaws.friction *= factor;
     }
 
+    /// Where a finger presses on a body: the middle of the points on the part on which it presses most.
+    pub(crate) fn pressed_at_m(&self, finger: usize, id: usize) -> Option<Vec3> {
+        let on = self.singles.iter().filter(|c| c.first == 1 + finger && c.second == id).map(Contact::bearing);
+        let most = on.filter(|(points_m, _)| !points_m.is_empty()).max_by(|a, b| a.1.total_cmp(&b.1));
+        most.map(|(points_m, _)| points_m.iter().sum::<Vec3>() / points_m.len() as f32)
+    }
+
     /// The centre of mass of a body.
     pub(crate) fn centre_m(&self, id: usize) -> Vec3 {
         self.bodies[id].answer.centre_m

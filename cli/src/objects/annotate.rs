@@ -6,16 +6,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args, value_parser};
-use generator::catalogue::Catalogue;
-use generator::{
-    AnnotateParams, Annotated, Config, FileState, GraspShares, Overrides, annotate, import_objects, sources,
-};
+use generator::{AnnotateParams, Annotated, FileState, GraspShares, annotate};
 use indicatif::{ProgressBar, ProgressStyle};
-use inspect::{GraspFormat, grasps_info};
+use inspect::{GraspFormat, grasps_index, grasps_info, grasps_picture, grasps_view};
 use program::text::percent;
 use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
-use report::document::{Block, Cell, Document, Table};
-use schema::{GripTest, Gripper, Physics, Procedure, Vec3};
+use report::document::{Block, Cell, Document, Picture, Table};
+use schema::{GripTest, Gripper, Physics, Procedure};
 use serde_json::{Value, json};
 
 use super::import::MeshOptions;
@@ -71,6 +68,10 @@ pub(crate) struct Arguments {
     /// Also write the grasps in these forms
     #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_parser = format)]
     format: Vec<GraspFormat>,
+
+    /// Also write pages: NAME.html to turn an object with its grasps, index.html for all that this run makes
+    #[arg(long)]
+    pages: bool,
 
     /// Seed of every grasp
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -136,12 +137,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} grasps · {msg} · {eta} left");
     let bar = ProgressBar::new(objects.len() as u64 * u64::from(arguments.grasps));
     let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    let mut infos = Vec::new();
+    let (mut infos, mut pictures) = (Vec::new(), Vec::new());
     for (number, object) in objects.iter().enumerate() {
         let begun = number as u64 * u64::from(arguments.grasps);
         bar.set_position(begun);
         bar.set_message(object.object.body.name().to_owned());
-        let Some(info) = one(object, &params, arguments, &stop, &|made| bar.set_position(begun + made as u64))? else {
+        let on_grasps = |made: usize| bar.set_position(begun + made as u64);
+        let Some(info) = one(object, &params, arguments, &stop, &on_grasps, &mut pictures)? else {
             bar.finish_and_clear();
             print_error(&format!("stopped: {number} of {} objects are complete; run again to go on", objects.len()));
             return Ok(ExitCode::TryAgain);
@@ -149,6 +151,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         infos.push(info);
     }
     bar.finish_and_clear();
+    if arguments.pages && !pictures.is_empty() {
+        write(&arguments.out.join("index.html"), grasps_index(pictures)?)?;
+    }
     print(document(&infos, &left_out, &arguments.out).text())?;
     Ok(if left_out.is_empty() { ExitCode::Ok } else { ExitCode::Partial })
 }
@@ -161,6 +166,7 @@ fn one(
     arguments: &Arguments,
     stop: &AtomicBool,
     on_grasps: &dyn Fn(usize),
+    pictures: &mut Vec<Picture>,
 ) -> Result<Option<Value>, Failure> {
     let name = object.object.body.name();
     let path = |ending: &str| arguments.out.join(format!("{name}{ending}"));
@@ -168,7 +174,8 @@ fn one(
     let formats: BTreeSet<GraspFormat> = arguments.format.iter().copied().chain([GraspFormat::Parquet]).collect();
     let settings = settings(object, params)?;
     let done = earlier(&path(".json"), &settings)?;
-    if let Some(done) = done.filter(|_| !formats.iter().any(is_missing)) {
+    let is_whole = !formats.iter().any(is_missing) && !arguments.pages;
+    if let Some(done) = done.filter(|_| is_whole) {
         return Ok(Some(done));
     }
     let mut go_on = |made: usize| {
@@ -178,6 +185,10 @@ fn one(
     let Some(set) = annotate(object, params, &mut go_on) else { return Ok(None) };
     for format in formats {
         write(&path(format.ending()), format.bytes(&set)?)?;
+    }
+    if arguments.pages {
+        write(&path(".html"), grasps_view(&set).page())?;
+        pictures.push(grasps_picture(&set));
     }
     let mut info = grasps_info(&set);
     info["settings"] = settings;
@@ -224,45 +235,8 @@ fn earlier(path: &Path, settings: &Value) -> Result<Option<Value>, Failure> {
 
 /// The objects of all paths, and why some could not be used.
 fn read_objects(arguments: &Arguments) -> Result<(Vec<Annotated>, Vec<String>), Failure> {
-    let is_catalogue = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "toml");
-    let (catalogues, meshes): (Vec<&PathBuf>, Vec<&PathBuf>) = arguments.objects.iter().partition(is_catalogue);
-    let (mut objects, mut left_out) = (Vec::new(), Vec::new());
-    for path in catalogues {
-        let refused = |text: String| Failure::new(ExitCode::Config, text);
-        let catalogue = Catalogue::read(Some(path)).map_err(refused)?;
-        objects.extend(catalogue.objects().iter().map(|object| Annotated {
-            object: object.clone(),
-            file: path.display().to_string(),
-            scale_m: 1.0,
-            origin_m: object.origin_m,
-        }));
-    }
-    if !meshes.is_empty() {
-        let meshes: Vec<PathBuf> = meshes.into_iter().cloned().collect();
-        let (of_meshes, not_used) = of_meshes(&meshes, &arguments.options)?;
-        objects.extend(of_meshes);
-        left_out = not_used;
-    }
-    let mut names = BTreeSet::new();
-    for object in &objects {
-        let name = object.object.body.name();
-        let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-        if !name.chars().all(is_plain) {
-            let text = format!("an object's name must have letters, digits, _, - and ., to name files, got {name:?}");
-            return Err(Failure::new(ExitCode::Config, text));
-        }
-        if !names.insert(name) {
-            let text = format!("objects must have different names, to name files; two are called {name}");
-            return Err(Failure::new(ExitCode::Config, text));
-        }
-    }
-    Ok((objects, left_out))
-}
-
-fn of_meshes(meshes: &[PathBuf], options: &MeshOptions) -> Result<(Vec<Annotated>, Vec<String>), Failure> {
-    let sources = sources(meshes)?;
-    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} files · {msg} · {eta} left");
-    let bar = ProgressBar::new(sources.len() as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let style = ProgressStyle::with_template("{bar:32} {human_pos} files · {msg}");
+    let bar = ProgressBar::new_spinner().with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     let on_file = |file: &Path, state: FileState<'_>| match state {
         FileState::Begun => bar.set_message(file.display().to_string()),
         FileState::Made => bar.inc(1),
@@ -271,19 +245,10 @@ fn of_meshes(meshes: &[PathBuf], options: &MeshOptions) -> Result<(Vec<Annotated
             bar.inc(1);
         }
     };
-    let config = Config::load(None, Overrides::default())?;
-    let imported = import_objects(&sources, &options.params(0, 0.0), &config, &on_file);
+    let read = Annotated::read(&arguments.objects, &arguments.options.params(0, 0.0), &on_file);
     bar.finish_and_clear();
-    let imported = imported?;
-    let broken = |text: String| Failure::new(ExitCode::Internal, text);
-    let catalogue = Catalogue::parse(&imported.catalogue, Path::new("the imported objects")).map_err(broken)?;
-    let annotated = imported.objects.iter().zip(catalogue.objects()).map(|(of_file, object)| Annotated {
-        object: object.clone(),
-        file: of_file.file.display().to_string(),
-        scale_m: of_file.scale_m,
-        origin_m: object.origin_m + Vec3::from_array(of_file.middle_m.map(|m| m as f32)),
-    });
-    Ok((annotated.collect(), imported.left_out.into_iter().map(|one| one.reason).collect()))
+    let (objects, left_out) = read?;
+    Ok((objects, left_out.into_iter().map(|one| one.reason).collect()))
 }
 
 fn document(infos: &[Value], left_out: &[String], out: &Path) -> Document {

@@ -1,5 +1,6 @@
 //! The `generator` binary, run as a user runs it: the same bytes however it runs, and one clear message for bad input.
 
+mod annotate;
 mod bad_input;
 mod cluster;
 mod commands;

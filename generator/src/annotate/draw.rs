@@ -24,6 +24,8 @@ const MOVE_M_MAX: f32 = 0.03;
 const TURN_RAD_MAX: f32 = FRAC_PI_6;
 /// Sides from which the open hand may try to come to two points.
 const APPROACHES: u32 = 6;
+/// The same where the question is whether it can come at all.
+const SIDES: u32 = 24;
 
 /// The fraction of a number times the inverse powers of the root of x⁶ = x + 1: numbered points that fill the unit cube
 /// of five dimensions evenly (Roberts, 2018).
@@ -72,18 +74,46 @@ impl Draw<'_> {
         self.surface.point([along, u, v])
     }
 
-    /// The point across from a point, if a hand can close on the two: within the cones of both, and the open hand is
-    /// wider.
-    pub(super) fn pair(&self, point: &SurfacePoint, inwards: Vec3) -> Option<(SurfacePoint, f32)> {
-        let across = self.surface.across(point.at_m, inwards)?;
-        let width_m = (across.at_m - point.at_m).length();
+    /// The points across from a point between which and it a hand can close: within the cones of both, and the open
+    /// hand is wider.
+    fn pairs(&self, point: &SurfacePoint, inwards: Vec3) -> Vec<SurfacePoint> {
         let bears = |normal: Vec3, direction: Vec3| {
             let along = normal.dot(direction);
             along > 0.0 && normal.cross(direction).length() <= self.friction * along
         };
-        let is_pair = bears(-point.normal, inwards) && bears(across.normal, inwards);
-        let fits = (WIDTH_M_MIN..=self.params.gripper.span_m()).contains(&width_m);
-        (is_pair && fits).then_some((across, width_m))
+        if !bears(-point.normal, inwards) {
+            return Vec::new();
+        }
+        let widths_m = WIDTH_M_MIN..=self.params.gripper.span_m();
+        let mut across = self.surface.across(point.at_m, inwards);
+        across.retain(|other| widths_m.contains(&(other.at_m - point.at_m).length()) && bears(other.normal, inwards));
+        across
+    }
+
+    /// A hand that closes along a direction about a point, from the first of so many sides from which it can come; the
+    /// `deep` share of the way in.
+    fn reached(&self, (middle_m, closing): (Vec3, Vec3), around: f32, deep: f32, sides: u32) -> Option<Pose> {
+        let length_m = self.params.gripper.finger_length_m;
+        (0..sides).find_map(|side| {
+            let rotation = closing_along(closing, TAU * (around + side as f32 / sides as f32));
+            let approach = rotation * Vec3::Z;
+            let deepest = pose_from_parts(rotation, middle_m + approach * length_m);
+            let most_m = length_m - self.world.stops_short_m(&deepest)? - ROOM_M;
+            let depth_m = DEPTH_M_MIN + deep * (most_m - DEPTH_M_MIN);
+            let pose = pose_from_parts(rotation, middle_m + approach * depth_m);
+            // Less deep, the hand comes from further back.
+            (most_m > DEPTH_M_MIN && self.world.is_reached(&pose)).then_some(pose)
+        })
+    }
+
+    /// Whether a hand can close on a point of the surface straight across from it.
+    pub(super) fn is_graspable(&self, point: &SurfacePoint) -> bool {
+        let inwards = -point.normal;
+        let mut pairs = self.pairs(point, inwards).into_iter();
+        pairs.any(|across| {
+            let middle_m = 0.5 * (point.at_m + across.at_m);
+            self.reached((middle_m, inwards), 0.0, 0.0, SIDES).is_some()
+        })
     }
 
     fn antipodal(&self, number: u64, stream: &mut Stream) -> Option<Pose> {
@@ -91,24 +121,13 @@ impl Draw<'_> {
         let point = self.surface.point([along, u, v])?;
         let cone_rad = libm::atanf(self.friction) * stream.uniform(0.0, 1.0).sqrt();
         let side = stream.uniform(0.0, TAU);
-        let tilted = along_normal(point.normal, side) * axis_angle(Vec3::X, cone_rad);
-        let closing = tilted * Vec3::Z;
-        let (across, _) = self.pair(&point, closing)?;
-        let middle_m = 0.5 * (point.at_m + across.at_m);
-        let length_m = self.params.gripper.finger_length_m;
-        for turn in 0..APPROACHES {
-            let angle = TAU * (around + turn as f32 / APPROACHES as f32);
-            let rotation = closing_along(closing, angle);
-            let approach = rotation * Vec3::Z;
-            let deepest = pose_from_parts(rotation, middle_m + approach * length_m);
-            let Some(short_m) = self.world.stops_short_m(&deepest) else { continue };
-            let most_m = length_m - short_m - ROOM_M;
-            if most_m > DEPTH_M_MIN {
-                let depth_m = DEPTH_M_MIN + deep * (most_m - DEPTH_M_MIN);
-                return Some(pose_from_parts(rotation, middle_m + approach * depth_m));
-            }
+        let closing = along_normal(point.normal, side) * axis_angle(Vec3::X, cone_rad) * Vec3::Z;
+        let pairs = self.pairs(&point, closing);
+        if pairs.is_empty() {
+            return None;
         }
-        None
+        let middle_m = 0.5 * (point.at_m + pairs[stream.index(pairs.len())].at_m);
+        self.reached((middle_m, closing), around, deep, APPROACHES)
     }
 
     fn along_normal(&self, number: u64, stream: &mut Stream) -> Option<Pose> {

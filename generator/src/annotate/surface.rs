@@ -70,22 +70,25 @@ impl Surface {
         (!covered).then_some(SurfacePoint { at_m, normal })
     }
 
-    /// Where a line from a point of the surface leaves the object again, going into it along `inwards`.
-    pub(super) fn across(&self, from_m: Vec3, inwards: Vec3) -> Option<SurfacePoint> {
+    /// Where a line from a point of the surface, going into the object along `inwards`, leaves it: at the other side of a
+    /// wall, and behind a hollow again.
+    pub(super) fn across(&self, from_m: Vec3, inwards: Vec3) -> Vec<SurfacePoint> {
         let mut inside: Vec<Within> =
             self.parts.iter().filter_map(|planes| within(planes, from_m, inwards)).filter(|w| w.exit_m > 0.0).collect();
         inside.sort_by(|a, b| a.enter_m.total_cmp(&b.enter_m));
-        let mut end: Option<(f32, Vec3)> = None;
+        let mut ends: Vec<(f32, Vec3)> = Vec::new();
         for part in inside {
-            let reached_m = end.map_or(0.0, |(exit_m, _)| exit_m);
-            if part.enter_m > reached_m + SEAM_M {
-                break;
-            }
-            if part.exit_m > reached_m {
-                end = Some((part.exit_m, part.exit_normal));
+            match ends.last_mut() {
+                Some(end) if part.enter_m <= end.0 + SEAM_M => {
+                    if part.exit_m > end.0 {
+                        *end = (part.exit_m, part.exit_normal);
+                    }
+                }
+                _ => ends.push((part.exit_m, part.exit_normal)),
             }
         }
-        end.map(|(exit_m, normal)| SurfacePoint { at_m: from_m + inwards * exit_m, normal })
+        let point = |(exit_m, normal): (f32, Vec3)| SurfacePoint { at_m: from_m + inwards * exit_m, normal };
+        ends.into_iter().map(point).collect()
     }
 
     /// The outward normal of the face that is nearest to a point of the surface.

@@ -1,0 +1,96 @@
+//! `graspmill objects annotate`, run as a user runs it.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::{check_fails, check_ok, files, workshop};
+
+/// A box of 40 × 60 × 50 mm whose corner is the origin, in millimetres; a plate that no hand spans; a catalogue.
+fn objects() -> TempDir {
+    let dir = workshop("");
+    for (name, [x, y, z]) in [("brick", [40, 60, 50]), ("slab", [300, 300, 300])] {
+        let corner = |c: usize| [x * (c & 1), y * (c >> 1 & 1), z * (c >> 2 & 1)];
+        let corners: String = (0..8).map(corner).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+        fs::write(dir.path().join(format!("{name}.obj")), corners + faces).unwrap();
+    }
+    fs::write(dir.path().join("broken.obj"), "v 0 0 0\n").unwrap();
+    dir
+}
+
+fn annotate(dir: &TempDir, words: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_graspmill"));
+    command.current_dir(dir.path()).args(["objects", "annotate", "--grasps", "40", "--drops", "8"]).args(words);
+    command.output().unwrap()
+}
+
+fn info(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn grasps_of_a_mesh_are_in_its_own_frame_and_the_same_bytes_again() {
+    let dir = objects();
+    let words = ["brick.obj", "--scale", "0.001", "--pages", "--format", "isaac_grasp,graspgen,molmospaces,graspnet"];
+    let said = check_ok(&annotate(&dir, &[&words[..], &["--out", "a"]].concat()));
+    assert!(said.contains("brick") && said.contains("40 grasps of 1 object"), "{said}");
+    check_ok(&annotate(&dir, &[&words[..], &["--out", "b", "--threads", "1"]].concat()));
+    let [a, b] = ["a", "b"].map(|folder| files(&dir.path().join(folder)));
+    assert_eq!(a, b);
+    let names: Vec<String> =
+        a.iter().map(|(path, _)| path.file_name().unwrap().to_string_lossy().into_owned()).collect();
+    for ending in
+        [".parquet", ".json", ".isaac_grasp.yaml", ".graspgen.json", ".molmospaces.npz", ".graspnet.npy", ".html"]
+    {
+        assert!(names.contains(&format!("brick{ending}")), "{names:?}");
+    }
+    let brick = info(&dir.path().join("a/brick.json"));
+    // The mesh's corner is the origin, not its middle.
+    let centre = brick["object"]["centre_of_mass_m"].as_array().unwrap();
+    for (at, expected) in centre.iter().zip([0.02, 0.03, 0.025]) {
+        assert!((at.as_f64().unwrap() - expected).abs() < 1e-4, "{centre:?}");
+    }
+    let held = brick["outcomes"]["held"].as_u64().unwrap();
+    assert!(held > 10 && brick["coverage"].as_f64().unwrap() > 0.5, "{brick}");
+    assert!(!brick["stable_poses"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
+    let dir = objects();
+    check_ok(&annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps"]));
+    let folder = dir.path().join("grasps");
+    let before = files(&folder);
+    fs::remove_file(folder.join("brick.parquet")).unwrap();
+    check_ok(&annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps"]));
+    assert_eq!(files(&folder), before);
+    check_fails(
+        &annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps", "--seed", "2"]),
+        78,
+        &["other settings", "brick.json"],
+    );
+    assert_eq!(files(&folder), before);
+}
+
+#[test]
+fn what_cannot_be_grasped_or_read_is_listed_and_the_rest_goes_on() {
+    let dir = objects();
+    let words = ["brick.obj", "slab.obj", "broken.obj", "--scale", "0.001", "--shares", "1,0,0", "--out", "grasps"];
+    let output = annotate(&dir, &words);
+    assert_eq!(output.status.code(), Some(66), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("slab: 0 grasps instead of 40") && said.contains("left out: "), "{said}");
+    assert!(info(&dir.path().join("grasps/slab.json"))["coverage"].is_null());
+    check_fails(&annotate(&dir, &["broken.obj", "--out", "more"]), 65, &["broken.obj"]);
+    check_fails(&annotate(&dir, &["brick.obj", "brick.obj", "--out", "more"]), 78, &["brick"]);
+    check_fails(&annotate(&dir, &["brick.obj", "--gripper", "claw", "--out", "more"]), 78, &["claw"]);
+    check_fails(&annotate(&dir, &["brick.obj", "--shares", "0,0,0", "--out", "more"]), 2, &["not all 0"]);
+    let catalogue = "[[object]]\nname = \"a/b\"\nmass_kg = 0.1\nfriction = 1.0\nsource = \"\"\n[[object.part]]\n\
+                     shape = \"cuboid\"\nsize_m = [0.04, 0.04, 0.04]\nat_m = [0.0, 0.0, 0.0]\nturn_deg = [0.0, 0.0, 0.0]\n";
+    fs::write(dir.path().join("names.toml"), catalogue).unwrap();
+    check_fails(&annotate(&dir, &["names.toml", "--out", "more"]), 78, &["a/b", "names.toml"]);
+}

@@ -1,0 +1,126 @@
+//! An object's grasps to look at: one object in space, and a catalogue as a grid of pictures.
+
+use program::Failure;
+use program::text::{grouped, percent};
+use report::document::{Block, Document, Drawing, Picture};
+use report::picture::{Hand, Scene, svg};
+use report::view::{Body, Class, Line, View};
+use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, Vec3};
+
+use super::free_share;
+use crate::pictures::spread;
+
+/// Grasps that a page shows, spread over all.
+const SHOWN: usize = 1_500;
+/// Hands in a picture of the grid.
+const PICTURED: usize = 60;
+
+/// An object with its grasps as forks, those that held last. A fork says what is known of its grasp.
+#[must_use]
+pub fn grasps_view(set: &ObjectGrasps) -> View {
+    let held = set.held().count();
+    let mut view = View::new(format!("{}: {held} of {} grasps held", set.name, grouped(set.grasps.len() as u64)));
+    view.bodies
+        .extend(set.parts.iter().map(|part| Body::of_part(Class::Object, set.name.clone(), part, &[Pose::IDENTITY])));
+    let numbers: Vec<u64> = (0..set.grasps.len() as u64).collect();
+    let shown = spread(&numbers, SHOWN);
+    for is_held in [false, true] {
+        for number in &shown {
+            let grasp = &set.grasps[*number as usize];
+            if (grasp.outcome == Outcome::Held) == is_held {
+                let width_m = grasp.width_m.unwrap_or(set.gripper.opening_m_max);
+                let class = Class::Grasp(grasp.outcome);
+                view.lines.push(Line::fork(
+                    class,
+                    label(set, *number, grasp),
+                    &set.gripper,
+                    &grasp.object_from_grasp,
+                    width_m,
+                ));
+            }
+        }
+    }
+    view.fact("hand", format!("{}, opens {:.0} mm", set.gripper.name, set.gripper.opening_m_max * 1000.0));
+    view.fact("test", set.test.name());
+    view.fact("mass", format!("{:.0} g", set.mass_kg * 1000.0));
+    view.fact("friction", format!("{:.2}", set.friction));
+    view.fact("shown", format!("{} of {}", shown.len(), set.grasps.len()));
+    for outcome in Outcome::ALL {
+        let count = set.grasps.iter().filter(|grasp| grasp.outcome == outcome).count();
+        view.fact(outcome.name(), count.to_string());
+    }
+    if let Some(coverage) = set.coverage {
+        view.fact("covered", percent(f64::from(coverage)));
+    }
+    view.hidden = ["approach_collision", "pregrasp_collision", "empty"].map(str::to_owned).into();
+    view
+}
+
+/// A grasp in words.
+fn label(set: &ObjectGrasps, number: u64, grasp: &ObjectGrasp) -> String {
+    let mut text = format!("grasp {number}, {}\n{}", grasp.source.name(), grasp.outcome.name());
+    if let Some(width_m) = grasp.width_m {
+        text += &format!(", {:.1} mm", width_m * 1000.0);
+    }
+    if let Some(margins) = grasp.margins {
+        let friction = margins.friction_min.map_or("its own".to_owned(), |friction| format!("{friction:.2}"));
+        text += &format!("\nfriction from {friction} on, up to {:.1} g", margins.tug_max_g);
+    }
+    if let Some(share) = grasp.robust_share {
+        text += &format!("\n{} of moved repeats", percent(f64::from(share)));
+    }
+    if let Some(share) = free_share(grasp, &set.stable_poses) {
+        text += &format!("\nfree on a table in {}", percent(f64::from(share)));
+    }
+    text
+}
+
+/// A picture of an object with some grasps that held, which leads to its page.
+#[must_use]
+pub fn grasps_picture(set: &ObjectGrasps) -> Picture {
+    let held: Vec<&ObjectGrasp> = set.held().collect();
+    let numbers: Vec<u64> = (0..held.len() as u64).collect();
+    let size_m = 2.0 * set.extents_m.length().max(set.gripper.opening_m_max);
+    let middle_m = set
+        .parts
+        .iter()
+        .flat_map(|part| part.corners_m())
+        .fold([Vec3::MAX, Vec3::MIN], |[low, high], corner| [low.min(*corner), high.max(*corner)]);
+    let middle_m = 0.5 * (middle_m[0] + middle_m[1]);
+    let lift_m = Vec3::new(0.5 * size_m, 0.5 * size_m, 0.5 * set.extents_m.length()) - middle_m;
+    let placed = |pose: &Pose| Pose::from_parts(pose.translation + lift_m, pose.rotation);
+    let hand = |number: u64| {
+        let grasp = held[number as usize];
+        Hand {
+            workspace_from_grasp: placed(&grasp.object_from_grasp),
+            width_m: grasp.width_m.unwrap_or(set.gripper.opening_m_max),
+            outcome: grasp.outcome,
+            label: label(set, number, grasp),
+            strength: 1.0,
+        }
+    };
+    let drawing = svg(&Scene {
+        size_m,
+        table_z_m: 0.0,
+        bodies: set.parts.iter().map(|part| (part.moved(&placed(&Pose::IDENTITY)), 0)).collect(),
+        fixtures: Vec::new(),
+        hands: spread(&numbers, PICTURED).into_iter().map(hand).collect(),
+    });
+    let caption = format!("{} of {} grasps held", held.len(), set.grasps.len());
+    Picture {
+        link: Some(format!("{}.html", set.name)),
+        ..Picture::new(Drawing::Svg(drawing), set.name.clone(), caption)
+    }
+}
+
+/// The page of all objects.
+///
+/// # Errors
+/// [`Failure`] if the page cannot be made.
+pub fn grasps_index(pictures: Vec<Picture>) -> Result<String, Failure> {
+    let text = "A picture has up to 60 grasps that held, and leads to its object, which can be turned; there a fork says what is known \
+                of its grasp, and each outcome can be hidden.";
+    let blocks = vec![Block::Text(text.to_owned()), Block::Legend(vec![Outcome::Held]), Block::Gallery(pictures)];
+    let footer = format!("graspmill objects annotate, Graspmill {}", env!("CARGO_PKG_VERSION"));
+    Document { title: "Grasps of objects".to_owned(), blocks, footer }.html()
+}

@@ -1,0 +1,186 @@
+//! `graspmill.annotate`: labelled grasps of an object alone, with progress and Ctrl-C.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use ::generator::catalogue::CatalogueObject;
+use ::generator::{AnnotateParams, Annotated, GraspShares, ImportParams};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use program::{ExitCode, Failure};
+use pyo3::prelude::*;
+use schema::{GraspSource, GripTest, ObjectGrasp, ObjectGrasps, Vec3};
+
+use crate::fault::{array, raised, reserved, room, wrong};
+use crate::pool::Apart;
+use crate::scene::{Body, Simulation, place, poses, rows};
+
+/// Memory for a grasp and what is known of it, in bytes.
+const GRASP_BYTES: usize = 512;
+/// Numbers of a grasp beside its pose: width, both contacts, both normals, motion while closing and under the test,
+/// smallest friction, strongest pull, share of the repeats.
+const NUMBERS: usize = 20;
+
+/// The annotation of an object, under way.
+#[pyclass(module = "graspmill._native")]
+#[derive(Debug)]
+pub(crate) struct Annotation {
+    work: Apart<ObjectGrasps>,
+    stop: Arc<AtomicBool>,
+    made: Arc<AtomicUsize>,
+    set: Option<ObjectGrasps>,
+}
+
+impl Drop for Annotation {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+/// How grasps are drawn and tried, as Python has it: number, whether only what holds is kept, shares, test, whether
+/// margins, repeats, drops, seed.
+type PlainParams = (usize, bool, [f32; 3], String, bool, u32, u32, u64);
+
+#[pymethods]
+impl Annotation {
+    /// Begins that of a body with its mass and friction, or of a file with so many metres a unit.
+    #[new]
+    fn new(
+        body: Option<(Py<Body>, f32, f32)>,
+        file: Option<(PathBuf, Option<f64>)>,
+        simulation: &Simulation,
+        params: PlainParams,
+        given: Option<PyReadonlyArray2<'_, f32>>,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let (grasps, is_held_only, [antipodal, normal, displaced], test, margins, repeats, drops, seed) = params;
+        let test = GripTest::from_name(&test).ok_or_else(|| {
+            wrong(format!("test must be one of {}, got {test:?}", GripTest::ALL.map(GripTest::name).join(", ")))
+        })?;
+        let given = given.map(|rows| poses(&rows));
+        room(GRASP_BYTES * given.as_ref().map_or(grasps, Vec::len))?;
+        let params = AnnotateParams {
+            gripper: simulation.gripper.clone(),
+            grasps,
+            is_held_only,
+            shares: GraspShares { antipodal, normal, displaced },
+            test,
+            margins,
+            repeats,
+            drops,
+            seed,
+            ..AnnotateParams::default()
+        };
+        let body = body.map(|(body, mass_kg, friction)| (body.get().body().clone(), mass_kg, friction));
+        let (stop, made) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicUsize::new(0)));
+        let (stopped, told) = (Arc::clone(&stop), Arc::clone(&made));
+        let work = move || {
+            let annotated = match (body, file) {
+                (Some((body, mass_kg, friction)), _) => {
+                    let object = CatalogueObject { body, mass_kg, friction, origin_m: Vec3::ZERO };
+                    Annotated { object, file: String::new(), scale_m: 1.0, origin_m: Vec3::ZERO }
+                }
+                (None, file) => of_file(file)?,
+            };
+            if let Some(given) = &given {
+                return Ok(::generator::relabel(&annotated, &params, given));
+            }
+            let mut go_on = |made: usize| {
+                told.store(made, Ordering::Relaxed);
+                !stopped.load(Ordering::Relaxed)
+            };
+            let set = ::generator::annotate(&annotated, &params, &mut go_on);
+            set.ok_or_else(|| Failure::new(ExitCode::TryAgain, "the annotation was stopped"))
+        };
+        Ok(Self { work: Apart::start(threads, move |_| work())?, stop, made, set: None })
+    }
+
+    /// How many grasps there are.
+    #[getter]
+    fn made(&self) -> usize {
+        self.made.load(Ordering::Relaxed)
+    }
+
+    /// Whether it ends within a moment.
+    fn has_ended(&mut self, py: Python<'_>) -> PyResult<bool> {
+        if self.set.is_none() {
+            self.set = self.work.soon(py)?;
+        }
+        Ok(self.set.is_some())
+    }
+
+    /// What is said of the object, as JSON.
+    fn info(&self) -> PyResult<String> {
+        Ok(inspect::grasps_info(self.done()?).to_string())
+    }
+
+    /// The grasps' poses, `[N, 7]`.
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        rows(py, self.done()?.grasps.iter().map(|grasp| grasp.object_from_grasp))
+    }
+
+    /// Of each grasp the numbers of its source and its outcome.
+    #[expect(clippy::type_complexity, reason = "two arrays")]
+    fn words<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<u8>>)> {
+        let grasps = &self.done()?.grasps;
+        let sources = grasps.iter().map(|grasp| place(&GraspSource::ALL, &grasp.source) as u8);
+        Ok((array(py, sources.collect())?, array(py, grasps.iter().map(|grasp| grasp.outcome as u8).collect())?))
+    }
+
+    /// Of each grasp [`NUMBERS`] numbers, NaN where one is not known, `[N, 20]`.
+    fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let grasps = &self.done()?.grasps;
+        let mut flat: Vec<f32> = reserved(NUMBERS * grasps.len()).map_err(|failure| raised(&failure))?;
+        grasps.iter().for_each(|grasp| flat.extend(numbers(grasp)));
+        array(py, flat)?.reshape([grasps.len(), NUMBERS])
+    }
+
+    /// Whether the hand stays off the table in each of the stable poses, `[N, K]`.
+    fn free_on_table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
+        let set = self.done()?;
+        let flat: Vec<bool> = set.grasps.iter().flat_map(|grasp| grasp.is_free_on_table.iter().copied()).collect();
+        array(py, flat)?.reshape([set.grasps.len(), set.stable_poses.len()])
+    }
+
+    /// The names of the sources, in the order of their numbers.
+    #[staticmethod]
+    fn sources() -> Vec<&'static str> {
+        GraspSource::ALL.map(GraspSource::name).to_vec()
+    }
+}
+
+impl Annotation {
+    fn done(&self) -> PyResult<&ObjectGrasps> {
+        self.set.as_ref().ok_or_else(|| wrong("the annotation has not ended"))
+    }
+}
+
+fn of_file(file: Option<(PathBuf, Option<f64>)>) -> Result<Annotated, Failure> {
+    let refused = |text: String| Failure::new(ExitCode::Config, text);
+    let (path, scale) = file.ok_or_else(|| refused("an object or a file must be given".to_owned()))?;
+    let params = ImportParams { scale, ..ImportParams::default() };
+    let (mut objects, _) = Annotated::read(std::slice::from_ref(&path), &params, &|_, _| {})?;
+    match (objects.pop(), objects.len()) {
+        (Some(object), 0) => Ok(object),
+        (_, more) => Err(refused(format!("the file must have one object, got {}: {}", more + 1, path.display()))),
+    }
+}
+
+fn numbers(grasp: &ObjectGrasp) -> impl Iterator<Item = f32> {
+    let or_nan = |value: Option<f32>| value.unwrap_or(f32::NAN);
+    let three = |at: Option<Vec3>| at.map_or([f32::NAN; 3], |at| at.to_array());
+    let two = |motion: Option<(f32, f32)>| motion.map_or([f32::NAN; 2], |(moved_m, turned_rad)| [moved_m, turned_rad]);
+    let [left_m, right_m] = grasp.contacts_m.map(three);
+    let [left, right] = grasp.normals.map(three);
+    let margins = grasp.margins;
+    let last = [
+        margins.and_then(|margins| margins.friction_min),
+        margins.map(|margins| margins.tug_max_g),
+        grasp.robust_share,
+    ];
+    [or_nan(grasp.width_m)]
+        .into_iter()
+        .chain([left_m, right_m, left, right].into_iter().flatten())
+        .chain([two(grasp.closing), two(grasp.test)].into_iter().flatten())
+        .chain(last.map(or_nan))
+}
