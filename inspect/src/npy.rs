@@ -71,14 +71,14 @@ mod tests {
     #[test]
     fn headers_are_numpys() {
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes[PREAMBLE_BYTES..]).into_owned();
-        let grid = header(&[1, 40, 40, 40]);
+        let grid = header("<f4", &[1, 40, 40, 40]);
         assert_eq!(grid[..8], *b"\x93NUMPY\x01\x00");
         assert_eq!(usize::from(u16::from_le_bytes([grid[8], grid[9]])), grid.len() - PREAMBLE_BYTES);
         assert_eq!(grid.len() % ALIGNMENT_BYTES, 0);
         let told = text(grid);
         assert!(told.starts_with("{'descr': '<f4', 'fortran_order': False, 'shape': (1, 40, 40, 40,), }"), "{told}");
         assert!(told.ends_with(" \n"), "{told}");
-        assert!(text(header(&[3])).contains("'shape': (3,), "));
+        assert!(text(header("<f4", &[3])).contains("'shape': (3,), "));
     }
 
     #[test]

@@ -49,7 +49,8 @@ pub(crate) struct Arguments {
     #[arg(long, default_value = "lift", value_parser = test)]
     test: GripTest,
 
-    /// Shares of grasps between points that face each other, along normals, and displaced by up to 30 mm and 30 degrees
+    /// Shares of grasps between points that face each other, along normals, and displaced by up to 30 mm and 30 degrees;
+    /// or those of acronym or graspdatagen
     #[arg(long, value_name = "A,N,D", default_value = "0.8,0.1,0.1", value_parser = shares)]
     shares: GraspShares,
 
@@ -94,8 +95,18 @@ fn format(text: &str) -> Result<GraspFormat, String> {
     GraspFormat::from_name(text).ok_or_else(|| format!("must be one of {names}"))
 }
 
-/// Three shares of at least 0 that are not all 0.
+/// Shares as others have them: ACRONYM samples between facing points without collisions; of GraspDataGen's guesses one
+/// in five collides (64 and 16 by default).
+const OTHERS: [(&str, GraspShares); 2] = [
+    ("acronym", GraspShares { antipodal: 1.0, normal: 0.0, displaced: 0.0 }),
+    ("graspdatagen", GraspShares { antipodal: 0.8, normal: 0.0, displaced: 0.2 }),
+];
+
+/// Three shares of at least 0 that are not all 0, or those of others by name.
 fn shares(text: &str) -> Result<GraspShares, String> {
+    if let Some((_, shares)) = OTHERS.iter().find(|(name, _)| *name == text) {
+        return Ok(*shares);
+    }
     let numbers: Vec<f32> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
     let is_share = |share: &f32| (0.0..=1.0).contains(share);
     match numbers[..] {
@@ -106,7 +117,7 @@ fn shares(text: &str) -> Result<GraspShares, String> {
         {
             Ok(GraspShares { antipodal, normal, displaced })
         }
-        _ => Err(format!("must be three numbers from 0 to 1 that are not all 0, got {text}")),
+        _ => Err(format!("must be three numbers from 0 to 1 that are not all 0, acronym or graspdatagen, got {text}")),
     }
 }
 
@@ -173,7 +184,8 @@ fn one(
     let is_missing = |format: &GraspFormat| !path(format.ending()).exists();
     let formats: BTreeSet<GraspFormat> = arguments.format.iter().copied().chain([GraspFormat::Parquet]).collect();
     let settings = settings(object, params)?;
-    let done = earlier(&path(".json"), &settings)?;
+    let digest = network::checkpoint::digest(settings.to_string().as_bytes());
+    let done = earlier(&path(".json"), &digest)?;
     let is_whole = !formats.iter().any(is_missing) && !arguments.pages;
     if let Some(done) = done.filter(|_| is_whole) {
         return Ok(Some(done));
@@ -192,6 +204,7 @@ fn one(
     }
     let mut info = grasps_info(&set);
     info["settings"] = settings;
+    info["settings_sha256"] = Value::String(digest);
     // The last file: an object is complete if it is there.
     write(&path(".json"), format!("{info:#}\n"))?;
     Ok(Some(info))
@@ -217,14 +230,14 @@ fn settings(object: &Annotated, params: &AnnotateParams) -> Result<Value, Failur
     }))
 }
 
-/// What an earlier run said of an object, if it had these settings.
-fn earlier(path: &Path, settings: &Value) -> Result<Option<Value>, Failure> {
+/// What an earlier run said of an object, if it had the settings with this digest.
+fn earlier(path: &Path, digest: &str) -> Result<Option<Value>, Failure> {
     let bytes = match program::read(path, INFO_BYTES_MAX) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         bytes => bytes.context(format_args!("failed to read {}", path.display()))?,
     };
     let info: Option<Value> = serde_json::from_slice(&bytes).ok();
-    match info.filter(|info| info["settings"] == *settings) {
+    match info.filter(|info| info["settings_sha256"] == digest) {
         Some(info) => Ok(Some(info)),
         None => {
             let text = format!("--out holds grasps of another object or with other settings: {}", path.display());

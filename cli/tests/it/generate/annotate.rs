@@ -86,7 +86,6 @@ fn what_cannot_be_grasped_or_read_is_listed_and_the_rest_goes_on() {
     assert!(said.contains("slab: 0 grasps instead of 40") && said.contains("left out: "), "{said}");
     assert!(info(&dir.path().join("grasps/slab.json"))["coverage"].is_null());
     check_fails(&annotate(&dir, &["broken.obj", "--out", "more"]), 65, &["broken.obj"]);
-    check_fails(&annotate(&dir, &["brick.obj", "brick.obj", "--out", "more"]), 78, &["brick"]);
     check_fails(&annotate(&dir, &["brick.obj", "--gripper", "claw", "--out", "more"]), 78, &["claw"]);
     check_fails(&annotate(&dir, &["brick.obj", "--shares", "0,0,0", "--out", "more"]), 2, &["not all 0"]);
     let catalogue = "[[object]]\nname = \"a/b\"\nmass_kg = 0.1\nfriction = 1.0\nsource = \"\"\n[[object.part]]\n\
