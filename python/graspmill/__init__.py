@@ -21,6 +21,7 @@ from .crops import GraspCrops, grasp_crops
 from .dataset import Dataset, StoredScene, Table, generate
 from .errors import DataError, GraspmillError, IncompleteError, InputError, InternalError, OutsideError
 from .grippers import Gripper
+from .object_grasps import ObjectGrasps, read_grasps
 from .pages import Page
 from .planner import Grasp, Plan, Planner, PlanOptions
 from .scene import HITS, OUTCOMES, Container, Object, Outcomes, Scene, execute, tsdf
@@ -49,6 +50,7 @@ __all__ = [
     "InputError",
     "InternalError",
     "Object",
+    "ObjectGrasps",
     "Outcomes",
     "OutsideError",
     "Page",
@@ -61,5 +63,6 @@ __all__ = [
     "execute",
     "generate",
     "grasp_crops",
+    "read_grasps",
     "tsdf",
 ]

@@ -1,0 +1,73 @@
+"""Sets of grasps and their files, for tests of ``graspmill.object_grasps``."""
+
+import numpy as np
+import pytest
+
+graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+ObjectGrasps, read_grasps, InputError = graspmill.ObjectGrasps, graspmill.read_grasps, graspmill.InputError
+
+ENDINGS = {"acronym": "h5", "graspgen": "json", "isaac_grasp": "yaml", "molmospaces": "npz", "graspnet": "npy"}
+NEEDS = {"acronym": "h5py", "isaac_grasp": "yaml"}
+FORMATS = list(ENDINGS)
+#: From straight above at (0.01, 0.02, 0.03) m, closing along y: x = y × z.
+ABOVE = np.array([[-1, 0, 0, 0.01], [0, 1, 0, 0.02], [0, 0, -1, 0.03], [0, 0, 0, 1.0]])
+BASE_M = 0.1123
+
+
+def needs(form):
+    """Skips a test where a package for this format is not installed."""
+    if form in NEEDS:
+        pytest.importorskip(NEEDS[form], reason=f"{NEEDS[form]} is not installed: scripts/requirements.txt has it")
+
+
+def one_above(**more):
+    gripper = {"name": "franka_hand", "opening_m_max": 0.08, "finger_width_m": 0.021}
+    values = {"held": [True], "width_m": [0.05], "base_to_tips_m": BASE_M, "info": {"gripper": gripper}, **more}
+    return ObjectGrasps("mug", ABOVE[None], file="meshes/mug.obj", scale_m=0.001, **values)
+
+
+def many(count=50, seed=4):
+    """A set of random grasps of which everything is known, in double precision."""
+    rng = np.random.default_rng(seed)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
+    poses[:, :3, 2] *= np.linalg.det(poses[:, :3, :3])[:, None]
+    poses[:, :3, 3] = rng.uniform(-0.1, 0.1, (count, 3))
+    held = np.arange(count) % 3 > 0
+    contacts_m = np.where(held[:, None, None], rng.normal(size=(count, 2, 3)), np.nan)
+    inertia = [[3e-5, -1e-6, 2e-6], [-1e-6, 4e-5, 3e-6], [2e-6, 3e-6, 5e-5]]
+    solid = {"mass_kg": 0.03, "friction": 0.8, "density_kg_m3": 150.0, "volume_m3": 2e-4, "inertia_kg_m2": inertia}
+    return ObjectGrasps(
+        "set",
+        poses,
+        held=held,
+        file="meshes/a mug.obj",
+        scale_m=0.25,
+        width_m=np.where(held, rng.uniform(0.001, 0.08, count), np.nan),
+        contacts_m=contacts_m,
+        closing_moved_m=rng.uniform(0, 0.01, count),
+        closing_turned_rad=rng.uniform(0, 1, count),
+        test_moved_m=np.where(held, rng.uniform(0, 0.01, count), np.nan),
+        test_turned_rad=rng.uniform(0, 1, count),
+        friction_min=np.where(held, rng.uniform(0.1, 1, count), np.nan),
+        base_to_tips_m=BASE_M,
+        info={
+            "object": {**solid, "centre_of_mass_m": [0.0, 0.01, 0.02]},
+            "gripper": {"name": "franka_hand", "opening_m_max": 0.08, "finger_width_m": 0.021},
+            "test": "shake",
+        },
+    )
+
+
+def saved(grasps, tmp_path, form, **options):
+    needs(form)
+    return grasps.save(tmp_path / f"set.{ENDINGS[form]}", **options)
+
+
+def again(path, form, **options):
+    return read_grasps(path, **({"base_to_tips_m": BASE_M} if form == "isaac_grasp" else {}), **options)
+
+
+def refused(match, call):
+    with pytest.raises(InputError, match=match):
+        call()

@@ -1,0 +1,368 @@
+"""Grasps of objects in files of others: frames by hand, round trips, the program's files, what their readers ask."""
+
+import dataclasses
+import json
+import subprocess
+import zipfile
+
+import numpy as np
+import pytest
+from grasp_sets import (
+    ABOVE,
+    BASE_M,
+    ENDINGS,
+    FORMATS,
+    ObjectGrasps,
+    again,
+    graspmill,
+    many,
+    needs,
+    one_above,
+    read_grasps,
+    refused,
+    saved,
+)
+from programs import program
+
+BOX = "\n".join(
+    [f"v {x} {y} {z}" for z in (-0.025, 0.025) for y in (-0.03, 0.03) for x in (-0.02, 0.02)]
+    + ["f 1 3 4 2", "f 5 6 8 7", "f 1 2 6 5", "f 3 7 8 4", "f 1 5 7 3", "f 2 4 8 6", ""]
+)
+
+
+# Where a hand is that comes from straight above, by hand.
+
+
+def test_acronyms_frame_is_the_base_of_the_hand_with_x_closing(tmp_path):
+    path = saved(one_above(), tmp_path, "acronym")
+    with pytest.importorskip("h5py").File(path) as file:
+        told = file["grasps/transforms"][()]
+    # 112.2 mm above the tips; its x is our y, its y our −x.
+    np.testing.assert_allclose(told, [[[0, 1, 0, 0.01], [1, 0, 0, 0.02], [0, 0, -1, 0.1422], [0, 0, 0, 1]]], atol=1e-12)
+
+
+def test_graspgens_frame_is_the_base_of_the_hand_with_x_closing(tmp_path):
+    told = json.loads(saved(one_above(), tmp_path, "graspgen").read_text())
+    want = [[[0, 1, 0, 0.01], [1, 0, 0, 0.02], [0, 0, -1, 0.1423], [0, 0, 0, 1]]]
+    np.testing.assert_allclose(told["grasps"]["transforms"], want, atol=1e-12)
+    assert told["gripper"] == {"name": "franka_hand", "width": 0.08, "depth": BASE_M}
+
+
+def test_isaac_grasps_frame_is_the_base_of_the_hand_with_y_closing(tmp_path):
+    path = saved(one_above(), tmp_path, "isaac_grasp")
+    grasp = pytest.importorskip("yaml").safe_load(path.read_text())["grasps"]["grasp_0"]
+    assert grasp["position"] == [0.01, 0.02, 0.1423] and grasp["confidence"] == 1.0
+    assert (grasp["orientation"]["w"], np.abs(grasp["orientation"]["xyz"]).tolist()) == (0.0, [0.0, 1.0, 0.0])
+    assert grasp["cspace_position"] == {"panda_finger_joint1": 0.025}
+    assert grasp["pregrasp_cspace_position"] == {"panda_finger_joint1": 0.04}
+
+
+def test_molmospaces_frame_is_ours(tmp_path):
+    with np.load(saved(one_above(), tmp_path, "molmospaces")) as file:
+        np.testing.assert_array_equal(file["transforms"], ABOVE[None])
+
+
+def test_graspnets_centre_is_20_mm_behind_the_tips_with_x_approach(tmp_path):
+    told = np.load(saved(one_above(friction_min=[0.3]), tmp_path, "graspnet"))
+    want = [0.8, 0.05, 0.021, 0.02, 0, 0, 1, 0, 1, 0, -1, 0, 0, 0.01, 0.02, 0.05, -1]
+    np.testing.assert_allclose(told, [want], atol=1e-12)
+
+
+def test_files_that_close_along_the_other_axis(tmp_path):
+    usual = saved(one_above(), tmp_path, "graspgen")
+    turned = read_grasps(usual, closing_axis="y")
+    # Without a quarter turn: its own y, which was our −x, is the closing direction.
+    np.testing.assert_allclose(turned.object_from_grasp[0, :3, 1], -ABOVE[:3, 0], atol=1e-12)
+    other = turned.save(tmp_path / "other.json", closing_axis="y")
+    bases = [json.loads(path.read_text())["grasps"]["transforms"] for path in (usual, other)]
+    assert bases[0] == bases[1]
+    refused("closing_axis must be x or y, got 'z'", lambda: read_grasps(usual, closing_axis="z"))
+
+
+# Round trips.
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("count", [50, 1, 0])
+def test_what_is_written_is_read(tmp_path, form, count):
+    grasps = many(count)
+    told = again(saved(grasps, tmp_path, form), form)
+    is_good_only = form in ("molmospaces", "graspnet")
+    want = grasps.subset(grasps.held) if is_good_only else grasps
+    off_max = 2e-7 if form == "isaac_grasp" else 1e-12  # decimals
+    np.testing.assert_allclose(told.object_from_grasp, want.object_from_grasp, atol=off_max)
+    assert len(told) == len(want) and (told.source == "given").all() and told.outcome is None
+    if is_good_only:
+        assert told.held is None and (told.file, told.scale_m) == ("", 1.0)
+    else:
+        np.testing.assert_array_equal(told.held, want.held)
+        assert (told.file, told.scale_m, told.info["gripper"]["name"]) == (want.file, want.scale_m, "franka_hand")
+    if form in ("isaac_grasp", "graspnet"):
+        np.testing.assert_allclose(told.width_m, want.width_m, atol=2e-6)
+    if form == "graspnet":
+        np.testing.assert_allclose(told.score, 1.1 - want.friction_min, atol=1e-12)
+    if form == "graspgen":
+        np.testing.assert_array_equal(told.contacts_m, want.contacts_m)
+    if form == "acronym":
+        for name in ("closing_moved_m", "closing_turned_rad", "test_moved_m", "test_turned_rad"):
+            np.testing.assert_array_equal(getattr(told, name), getattr(want, name))
+        assert told.info["object"] == want.info["object"]
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_what_is_read_is_written_again(tmp_path, form):
+    once = again(saved(many(), tmp_path, form), form)
+    twice = again(once.save(tmp_path / f"twice.{ENDINGS[form]}"), form)
+    for one in dataclasses.fields(once):
+        if one.name not in ("name", "info", "stable_poses"):
+            old, new = getattr(once, one.name), getattr(twice, one.name)
+            if isinstance(old, np.ndarray) and old.dtype.kind == "f":
+                np.testing.assert_allclose(new, old, atol=2e-7, err_msg=one.name)
+            else:
+                np.testing.assert_array_equal(new, old, err_msg=one.name)
+    assert twice.info == once.info
+
+
+def test_a_set_goes_from_format_to_format(tmp_path):
+    for form in FORMATS:
+        needs(form)
+    grasps = many().subset(many().held)
+    for form in FORMATS:
+        path = dataclasses.replace(grasps, held=np.ones(len(grasps), bool)).save(tmp_path / f"set.{ENDINGS[form]}")
+        grasps = dataclasses.replace(again(path, form), base_to_tips_m=BASE_M)
+    np.testing.assert_allclose(grasps.object_from_grasp, many().subset(many().held).object_from_grasp, atol=2e-7)
+
+
+# What the program writes.
+
+
+@pytest.fixture(scope="module", params=["franka_hand", "parallel_jaw_80"])
+def annotated(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp(request.param)
+    (folder / "box.obj").write_text(BOX)
+    forms = ",".join(form for form in FORMATS if form != "acronym")
+    words = ["objects", "annotate", "box.obj", "--gripper", request.param, "--grasps", "120", "--drops", "10"]
+    words += ["--scale", "1", "--margins", "--repeats", "2", "--format", forms, "--out", "grasps"]
+    done = subprocess.run([program("graspmill"), *words], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return folder / "grasps", request.param
+
+
+def test_a_set_of_the_program_is_its_parquet(annotated):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    folder, hand = annotated
+    grasps, rows = ObjectGrasps.load(folder / "box.parquet"), parquet.read_table(folder / "box.parquet").to_pylist()
+    info = json.loads((folder / "box.json").read_text())
+    assert len(grasps) == len(rows) == 120 and grasps.info == info
+    assert info["outcomes"]["held"] == grasps.held.sum() > 20
+    assert (grasps.name, grasps.file, grasps.scale_m) == ("box", "box.obj", 1.0)
+    assert grasps.base_to_tips_m == pytest.approx({"franka_hand": 0.1123, "parallel_jaw_80": 0.09}[hand])
+    assert set(grasps.outcome) <= set(graspmill.OUTCOMES) and set(grasps.source) <= {"antipodal", "normal", "displaced"}
+    np.testing.assert_array_equal(grasps.held, grasps.outcome == "held")
+    number = {None: np.nan}
+    for at, row in enumerate(rows):
+        assert np.allclose(grasps.object_from_grasp[at, :3, 3], [row["x_m"], row["y_m"], row["z_m"]])
+        for ours in ("width_m", "closing_moved_m", "test_turned_rad", "friction_min", "tug_max_g", "robust_share"):
+            assert np.array_equal(getattr(grasps, ours)[at], number.get(row[ours], row[ours]), equal_nan=True), ours
+        right = [row[f"right_{axis}_m"] for axis in "xyz"]
+        assert np.array_equal(grasps.contacts_m[at, 1], [number.get(one, one) for one in right], equal_nan=True)
+        assert grasps.normals[at, 0, 2] == row["left_normal_z"] or row["left_normal_z"] is None
+    shares = np.array([share for share, _ in grasps.stable_poses])
+    np.testing.assert_allclose(grasps.is_free_on_table @ shares / shares.sum(), grasps.on_table_share, atol=1e-6)
+    for _, table_from_object in grasps.stable_poses:  # the box lies on the table
+        corners = np.array([[x, y, z, 1] for x in (-0.02, 0.02) for y in (-0.03, 0.03) for z in (-0.025, 0.025)])
+        assert abs((corners @ table_from_object.T)[:, 2].min()) < 1e-3
+    # A hand that holds the box touches its surface with both fingers, on its two sides of the closing direction.
+    turned, origins_m = grasps.object_from_grasp[:, :3, :3], grasps.object_from_grasp[:, None, :3, 3]
+    contacts = np.einsum("nji,nsj->nsi", turned, grasps.contacts_m - origins_m)
+    assert (contacts[grasps.held, 0, 1] < contacts[grasps.held, 1, 1]).mean() > 0.95
+
+
+@pytest.mark.parametrize("form", [form for form in FORMATS if form != "acronym"])
+def test_the_programs_files_are_its_parquet_and_what_python_writes(annotated, form, tmp_path):
+    needs(form)
+    folder, hand = annotated
+    grasps = ObjectGrasps.load(folder / "box.parquet")
+    path = folder / f"box.{form}.{ENDINGS[form]}"
+    told = read_grasps(path, gripper=hand if form == "isaac_grasp" else None)
+    want = grasps.subset(grasps.held) if form in ("molmospaces", "graspnet") else grasps
+    assert told.name == "box"
+    np.testing.assert_allclose(told.object_from_grasp, want.object_from_grasp, atol=1e-6)
+    if told.held is not None:
+        np.testing.assert_array_equal(told.held, want.held)
+        assert (told.file, told.scale_m) == (want.file, want.scale_m)
+    ours = again_of(grasps.save(tmp_path / path.name), form, hand)
+    for one in ("object_from_grasp", "width_m", "contacts_m", "score"):
+        np.testing.assert_allclose(getattr(ours, one), getattr(told, one), atol=1e-6, err_msg=one)
+    for key, value in told.info["gripper"].items():
+        assert ours.info["gripper"][key] == pytest.approx(value), key
+
+
+def again_of(path, form, hand):
+    return read_grasps(path, gripper=hand if form == "isaac_grasp" else None)
+
+
+def test_text_of_the_program_and_of_python_differs_only_in_the_last_digits(annotated, tmp_path):
+    yaml = pytest.importorskip("yaml")
+    folder, _ = annotated
+    grasps = ObjectGrasps.load(folder / "box.parquet")
+
+    def flat(value, key=""):
+        if isinstance(value, dict):
+            return {k: v for name, inner in value.items() for k, v in flat(inner, f"{key}.{name}").items()}
+        if isinstance(value, list):
+            return {k: v for number, inner in enumerate(value) for k, v in flat(inner, f"{key}.{number}").items()}
+        return {key: value}
+
+    for form, loads in (("isaac_grasp", yaml.safe_load), ("graspgen", json.loads)):
+        theirs = flat(loads((folder / f"box.{form}.{ENDINGS[form]}").read_text()))
+        ours = flat(loads(grasps.save(tmp_path / f"box.{ENDINGS[form]}").read_text()))
+        assert list(ours) == list(theirs) or set(ours) == set(theirs)
+        for key, value in theirs.items():
+            if "orientation" in key:  # q and −q are the same rotation
+                assert abs(ours[key]) == pytest.approx(abs(value), abs=1e-6), key
+            else:
+                assert ours[key] == (pytest.approx(value, abs=1e-6) if isinstance(value, float) else value), key
+
+
+# What the readers of others ask.
+
+
+def test_acronym_tools_reads_a_file(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(saved(many(), tmp_path, "acronym"), "r") as data:
+        assert data["object/file"][()].decode("utf-8") == "meshes/a mug.obj" and data["object/scale"][()] == 0.25
+        transforms = np.array(data["grasps/transforms"])
+        success = np.array(data["grasps/qualities/flex/object_in_gripper"])
+        assert transforms.shape == (50, 4, 4) and transforms.dtype == np.float64
+        assert success.shape == (50,) and success.dtype == np.int64 and set(success.tolist()) == {0, 1}
+        np.testing.assert_allclose(np.linalg.det(transforms[:, :3, :3]), 1.0)
+        assert data["gripper/type"][()].decode() == "franka_hand"
+        assert data["gripper/configuration"][()].tolist() == [0.04]
+        # Its products of inertia have the other sign.
+        inertia = data["object/inertia"][()]
+        np.testing.assert_array_equal(np.diag(inertia), [3e-5, 4e-5, 5e-5])
+        assert (inertia[0, 1], inertia[0, 2], inertia[1, 2]) == (1e-6, -2e-6, -3e-6)
+        assert all(one.attrs.keys() == set() for one in data.values())
+
+
+def test_acronyms_unknown_datasets_are_left_out(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    lifted = dataclasses.replace(many(), info={"test": "lift"}, closing_moved_m=np.full(50, np.nan))
+    with h5py.File(saved(lifted, tmp_path, "acronym"), "r") as data:
+        # The motion during another test is not that during a shake.
+        assert set(data["grasps/qualities/flex"]) == {"object_in_gripper", "object_motion_during_closing_angular"}
+        assert set(data["object"]) == {"file", "scale"} and set(data["gripper"]) == {"type"}
+
+
+def test_graspgen_reads_a_file(tmp_path):
+    data = json.loads(saved(many(), tmp_path, "graspgen").read_text())
+    assert isinstance(data["object"]["file"], str) and isinstance(data["object"]["scale"], float)
+    poses, mask = np.array(data["grasps"]["transforms"]), np.array(data["grasps"]["object_in_gripper"])
+    assert mask.dtype == np.bool_ and len(poses[mask]) + len(poses[~mask]) == 50 and poses.shape == (50, 4, 4)
+    assert data["grasps"]["contacts_m"][0] == [None, None]
+
+
+def test_isaac_sim_reads_a_file(tmp_path):
+    yaml = pytest.importorskip("yaml")
+    data = yaml.safe_load(saved(many(), tmp_path, "isaac_grasp").read_text())
+    assert data["format"] == "isaac_grasp" and float(data["format_version"]) == 1.0
+    for number, (name, grasp) in enumerate(data["grasps"].items()):
+        assert name == f"grasp_{number}" and grasp["confidence"] in (0.0, 1.0)
+        numbers = [*grasp["position"], *grasp["orientation"]["xyz"], grasp["orientation"]["w"]]
+        assert len(numbers) == 7 and all(isinstance(one, float) for one in numbers)
+        assert np.linalg.norm(numbers[3:]) == pytest.approx(1.0, abs=1e-7)
+        assert ("cspace_position" in grasp) == (number % 3 > 0)
+
+
+def test_molmospaces_reads_the_header_of_a_file(tmp_path):
+    with zipfile.ZipFile(saved(many(), tmp_path, "molmospaces")) as files:
+        assert files.namelist() == ["transforms.npy"]
+        with files.open("transforms.npy") as file:
+            assert np.lib.format.read_magic(file) == (1, 0)
+            shape, _, dtype = np.lib.format.read_array_header_1_0(file)
+    assert shape == (33, 4, 4) and dtype == np.float64
+
+
+def test_graspnets_array_is_what_its_api_takes(tmp_path):
+    rows = np.load(saved(many(), tmp_path, "graspnet"))
+    assert rows.shape == (33, 17) and rows.dtype == np.float64 and (rows[:, 16] == -1).all()
+    rotations = rows[:, 4:13].reshape(-1, 3, 3)
+    np.testing.assert_allclose(rotations @ rotations.transpose(0, 2, 1), np.tile(np.eye(3), (33, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(rotations), 1.0)
+    # Its fingers end at x = depth: there are our origins.
+    tips = rows[:, 13:16] + rows[:, 3:4] * rotations[:, :, 0]
+    np.testing.assert_allclose(tips, many().object_from_grasp[many().held, :3, 3], atol=1e-12)
+
+
+# Files that others wrote.
+
+
+def test_a_file_of_graspdatagen(tmp_path):
+    pytest.importorskip("yaml")
+    (tmp_path / "mug.yaml").write_text(
+        """
+format: isaac_grasp
+format_version: "1.0"
+created_with: grasp_sim
+object_file: mug.obj
+object_scale: 0.5
+gripper_file: bots/franka_panda.usd
+gripper_frame_link: panda_hand
+open_limit: upper
+finger_colliders: [panda_rightfinger, panda_leftfinger]
+base_length: 0.1
+approach_axis: 2
+bite_point: [0.0, 0.0, 0.1]
+grasps:
+  a:
+    confidence: 1.0
+    position: [0.01, 0.02, 0.1423]
+    orientation: {w: 0.0, xyz: [0.0, "1.0", 1e-9]}
+    bite_point: [0.0, 0.0, 0.1]
+    cspace_position: {panda_finger_joint1: 0.02, panda_finger_joint2: 0.02}
+    pregrasp_cspace_position: {panda_finger_joint1: 0.04}
+    pregrasp_position: [0.0, 0.0, 0.0]
+    pregrasp_orientation: {w: 1.0, xyz: [0.0, 0.0, 0.0]}
+  b:
+    confidence: 0.0
+    position: [0.0, 0.0, 0.0]
+    orientation: {w: 1.0, xyz: [0.0, 0.0, 0.0]}
+"""
+    )
+    grasps = read_grasps(tmp_path / "mug.yaml", gripper="franka_hand")
+    np.testing.assert_allclose(grasps.object_from_grasp[0], ABOVE, atol=1e-7)
+    assert grasps.held.tolist() == [True, False]
+    assert (grasps.file, grasps.scale_m, grasps.name) == ("mug.obj", 0.5, "mug")
+    np.testing.assert_array_equal(grasps.width_m, [0.04, np.nan])
+    refused("base_to_tips_m or gripper must be given", lambda: read_grasps(tmp_path / "mug.yaml"))
+
+
+def test_confidences_of_a_network_are_no_labels(tmp_path):
+    pytest.importorskip("yaml")
+    text = one_above().save(tmp_path / "a.yaml").read_text()
+    (tmp_path / "b.yaml").write_text(text.replace("confidence: 1.0", "confidence: 0.73"))
+    grasps = read_grasps(tmp_path / "b.yaml", base_to_tips_m=BASE_M)
+    assert grasps.held is None and grasps.score.tolist() == [0.73]
+    assert repr(grasps) == "ObjectGrasps('mug': 1 grasps, no labels)"
+    assert "confidence: 0.73" in grasps.save(tmp_path / "c.yaml").read_text()
+    refused("held must be known for GraspGen", lambda: grasps.save(tmp_path / "c.json"))
+    (tmp_path / "d.yaml").write_text(text.replace("format_version: 1.0", "format_version: 2.0"))
+    with pytest.warns(UserWarning, match="2.0"):
+        read_grasps(tmp_path / "d.yaml", base_to_tips_m=BASE_M)
+
+
+def test_half_precision_is_read_as_rotations(tmp_path):
+    grasps = many()
+    np.savez_compressed(tmp_path / "grasps.npz", transforms=grasps.object_from_grasp.astype(np.float16))
+    told = read_grasps(tmp_path / "grasps.npz").object_from_grasp
+    np.testing.assert_allclose(told, grasps.object_from_grasp, atol=2e-3)
+    products = told[:, :3, :3] @ told[:, :3, :3].transpose(0, 2, 1)
+    np.testing.assert_allclose(products, np.tile(np.eye(3), (50, 1, 1)), atol=1e-12)
+
+
+def test_graspnets_depth_is_that_of_each_row(tmp_path):
+    rows = np.tile([0.5, 0.06, 0.02, 0.04, 0, 0, 1, 0, 1, 0, -1, 0, 0, 0.01, 0.02, 0.07, 5.0], (2, 1))
+    rows[1, 3], rows[1, 15] = 0.01, 0.04
+    np.save(tmp_path / "g.npy", rows)
+    np.testing.assert_allclose(read_grasps(tmp_path / "g.npy").object_from_grasp, [ABOVE, ABOVE], atol=1e-12)

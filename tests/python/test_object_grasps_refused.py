@@ -1,0 +1,208 @@
+"""Damaged files of grasps, wrong arrays and wrong arguments: each is refused with the rule, the value and the path."""
+
+import io
+import json
+import sys
+
+import numpy as np
+import pytest
+from grasp_sets import ABOVE, ENDINGS, ObjectGrasps, again, many, one_above, read_grasps, refused
+
+
+def without(data, *keys):
+    inner = data
+    for key in keys[:-1]:
+        inner = inner[key]
+    del inner[keys[-1]]
+    return data
+
+
+def changed(data, value, *keys):
+    inner = data
+    for key in keys[:-1]:
+        inner = inner[key]
+    inner[keys[-1]] = value
+    return data
+
+
+def test_damaged_graspgen_files_are_refused(tmp_path):
+    path = many(3).save(tmp_path / "set.json")
+    text = path.read_text()
+    bad = np.eye(4).tolist()
+    for match, value in {
+        "object must be in the file.*set.json": without(json.loads(text), "object"),
+        "grasps.transforms must be in the file": without(json.loads(text), "grasps", "transforms"),
+        "grasps.object_in_gripper must be in": without(json.loads(text), "grasps", "object_in_gripper"),
+        "object.scale must be a number": changed(json.loads(text), None, "object", "scale"),
+        "object.file must be a text": changed(json.loads(text), 3, "object", "file"),
+        r"shape \[N, 4, 4\]": changed(json.loads(text), [bad[:3]] * 3, "grasps", "transforms"),
+        "rows of several lengths": changed(json.loads(text), [bad, bad[:2]], "grasps", "transforms"),
+        "must be finite": changed(json.loads(text), np.full((3, 4, 4), np.nan).tolist(), "grasps", "transforms"),
+        "reflection": changed(json.loads(text), [np.diag([1, 1, -1, 1.0]).tolist()] * 3, "grasps", "transforms"),
+        r"shape \[3\]": changed(json.loads(text), [True], "grasps", "object_in_gripper"),
+        "true or false": changed(json.loads(text), [0.5, 1, 2], "grasps", "object_in_gripper"),
+        "gripper.depth must be between": changed(json.loads(text), -1, "gripper", "depth"),
+        "contacts_m must be 3 pairs": changed(json.loads(text), [None], "grasps", "contacts_m"),
+        "base_to_tips_m or gripper must be given": without(json.loads(text), "gripper", "depth"),
+        "grasps must be a mapping": changed(json.loads(text), [], "grasps"),
+        "the file must be a mapping": [1],
+    }.items():
+        path.write_text(json.dumps(value))
+        refused(match, lambda: read_grasps(path))
+    for text in ("", "{", "[" * 100_000, "\x00\xff"):
+        path.write_text(text)
+        refused("the file must be JSON", lambda: read_grasps(path))
+
+
+def test_damaged_isaac_grasp_files_are_refused(tmp_path):
+    yaml = pytest.importorskip("yaml")
+    path = many(2).save(tmp_path / "set.yaml")
+    text = path.read_text()
+    grasp = ("grasps", "grasp_1")
+    for match, value in {
+        "format must be isaac_grasp, got 'other'": changed(yaml.safe_load(text), "other", "format"),
+        "grasps must be in the file": without(yaml.safe_load(text), "grasps"),
+        "grasps must be a mapping": changed(yaml.safe_load(text), None, "grasps"),
+        "grasp_1.position must be in": without(yaml.safe_load(text), *grasp, "position"),
+        "grasp_1.position must be 3 numbers": changed(yaml.safe_load(text), [1.0], *grasp, "position"),
+        "grasp_1.position must be between": changed(yaml.safe_load(text), [1.0, float("nan"), 0.0], *grasp, "position"),
+        "orientation.xyz must be in": without(yaml.safe_load(text), *grasp, "orientation", "xyz"),
+        "must have the length 1": changed(yaml.safe_load(text), 3e-1, *grasp, "orientation", "w"),
+        "confidence must be a number": changed(yaml.safe_load(text), "high", *grasp, "confidence"),
+        "cspace_position must be a mapping": changed(yaml.safe_load(text), [1], *grasp, "cspace_position"),
+        "approach_axis must be 2": changed(yaml.safe_load(text), 0, "approach_axis"),
+    }.items():
+        path.write_text(yaml.safe_dump(value))
+        refused(match, lambda: again(path, "isaac_grasp"))
+    for text in ("{", "a: [", "x: !!python/object/apply:os.system [ls]", "\x00"):
+        path.write_text(text)
+        refused("the file must be YAML", lambda: again(path, "isaac_grasp"))
+
+
+def test_damaged_arrays_are_refused(tmp_path):
+    good = np.load(many(3).save(tmp_path / "good.npy"))
+    for number, (match, array) in enumerate(
+        {
+            r"shape \[N, 17\]": good[:, :16],
+            r"shape \[N, 17\], N": good[0],
+            "must be numbers": good.astype(object),
+            "must be finite": np.where(np.arange(17) == 2, np.nan, good),
+            "must be rigid": good * 2,
+        }.items()
+    ):
+        np.save(tmp_path / f"{number}.npy", array)
+        refused(match, lambda: read_grasps(tmp_path / f"{number}.npy"))
+    buffer = io.BytesIO()
+    np.save(buffer, good)
+    unclosed = buffer.getvalue().replace(b"(2, 17)", b"(2, 17[")
+    for bad in (b"", b"\x93NUMPY", buffer.getvalue()[:-9], buffer.getvalue()[:60], unclosed):
+        (tmp_path / "bad.npy").write_bytes(bad)
+        refused("must be an .npy of NumPy", lambda: read_grasps(tmp_path / "bad.npy"))
+    huge = buffer.getvalue().replace(b"(2, 17)", b"(9999999999, 17)")[:128]
+    (tmp_path / "huge.npy").write_bytes(huge)
+    refused("N at most 1000000|must be an .npy", lambda: read_grasps(tmp_path / "huge.npy"))
+    np.savez(tmp_path / "other.npz", poses=np.eye(4)[None])
+    refused("with the array transforms", lambda: read_grasps(tmp_path / "other.npz"))
+    np.savez(tmp_path / "flat.npz", transforms=np.eye(4))
+    refused(r"shape \[N, 4, 4\]", lambda: read_grasps(tmp_path / "flat.npz"))
+    whole = many(3).save(tmp_path / "good.npz").read_bytes()
+    for bad in (b"", whole[:-30], whole[:60] + b"\xff" * 20 + whole[80:]):
+        (tmp_path / "bad.npz").write_bytes(bad)
+        refused("must be an .npz", lambda: read_grasps(tmp_path / "bad.npz"))
+
+
+def test_damaged_acronym_files_are_refused(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    flex = "grasps/qualities/flex/"
+    for number, (match, key, value) in enumerate(
+        [
+            ("grasps/transforms must be in the file", "grasps/transforms", None),
+            ("object/file must be in the file", "object/file", None),
+            ("object/scale must be in the file", "object/scale", None),
+            (r"shape \[N, 4, 4\]", "grasps/transforms", np.eye(4)),
+            ("must be finite", "grasps/transforms", np.full((3, 4, 4), np.nan)),
+            (r"shape \[3\]", flex + "object_in_gripper", [1]),
+            ("true or false", flex + "object_in_gripper", [1, 2, 3]),
+            (r"shape \[3\]", flex + "object_motion_during_closing_linear", [0.1]),
+            ("object/scale must be numbers", "object/scale", "big"),
+            ("object/file must be a text", "object/file", 3),
+            ("object/com must be finite", "object/com", [np.inf, 0, 0]),
+            ("scale_m must be between", "object/scale", 0.0),
+        ]
+    ):
+        path = many(3).save(tmp_path / f"{number}.h5")
+        with h5py.File(path, "a") as file:
+            del file[key]
+            if value is not None:
+                file[key] = value
+        refused(match, lambda: read_grasps(path))
+    with h5py.File(tmp_path / "group.h5", "w") as file:
+        file.create_group("grasps/transforms")
+    refused("must be an array", lambda: read_grasps(tmp_path / "group.h5"))
+    whole = path.read_bytes()
+    for bad in (b"", b"no HDF5", whole[:900]):
+        (tmp_path / "bad.h5").write_bytes(bad)
+        refused("must be ACRONYM's HDF5|must be in the file", lambda: read_grasps(tmp_path / "bad.h5"))
+
+
+def test_paths_and_arguments_are_checked(tmp_path, monkeypatch):
+    refused("path must be a file, got .*nowhere.h5", lambda: read_grasps(tmp_path / "nowhere.h5"))
+    (tmp_path / "folder.npy").mkdir()
+    refused("path must be a file", lambda: read_grasps(tmp_path / "folder.npy"))
+    refused("path must end with one of", lambda: read_grasps(tmp_path / "grasps.txt"))
+    refused("format must be one of", lambda: read_grasps(tmp_path / "grasps.h5", "vgn"))
+    refused("path must be a path", lambda: read_grasps(3))
+    refused("base_to_tips_m must be between", lambda: read_grasps(tmp_path / "grasps.h5", base_to_tips_m=-1))
+    refused("gripper must be", lambda: read_grasps(tmp_path / "grasps.h5", gripper=3))
+    refused("folder that exists", lambda: one_above().save(tmp_path / "no" / "set.json"))
+    refused("path must be a file in a folder", lambda: one_above().save(tmp_path / "folder.npy"))
+    refused("base_to_tips_m or gripper", lambda: one_above(base_to_tips_m=None).save(tmp_path / "set.json"))
+    refused("NAME.json must be beside", lambda: ObjectGrasps.load(many(2).save(tmp_path / "set.parquet", "graspnet")))
+    for form, package in (("acronym", "h5py"), ("isaac_grasp", "yaml"), ("parquet", "pyarrow.parquet")):
+        path = tmp_path / f"set.{ENDINGS.get(form, form)}"
+        path.write_text("")
+        path.with_suffix(".json").write_text("{}")
+        with monkeypatch.context() as hidden:
+            hidden.setitem(sys.modules, package, None)
+            told = "pyyaml" if package == "yaml" else package.split(".")[0]
+            refused(rf"needs {told}: pip install graspmill\[grasps\]", lambda: read_grasps(path, base_to_tips_m=0.1))
+
+
+def test_an_existing_file_stays_if_the_new_one_cannot_be_written(tmp_path):
+    path = one_above().save(tmp_path / "set.json")
+    before = path.read_bytes()
+    refused("held must be known", lambda: one_above(held=None).save(path))
+    assert path.read_bytes() == before and [one.name for one in tmp_path.iterdir()] == ["set.json"]
+
+
+def test_sets_of_wrong_arrays_are_refused():
+    refused(r"held must have the shape \[1\]", lambda: one_above(held=[True, False]))
+    refused(r"contacts_m must be numbers of the shape \[1, 2, 3\]", lambda: one_above(contacts_m=np.zeros((1, 3))))
+    refused("width_m must be finite, or NaN", lambda: one_above(width_m=[np.inf]))
+    refused("outcome must be 1 words", lambda: one_above(outcome=[1]))
+    refused("is_free_on_table must be bool", lambda: one_above(is_free_on_table=[[True]]))
+    refused("rigid", lambda: ObjectGrasps("x", 2 * np.eye(4)[None]))
+    far = np.eye(4) + 5e3 * np.eye(4, k=3)
+    refused("positions in metres", lambda: ObjectGrasps("x", far[None]))
+    refused("info must be a mapping", lambda: one_above(info=[1]))
+    refused("info.gripper must be a mapping", lambda: one_above(info={"gripper": 3}).save("never.json"))
+    refused("which must be of the 1 grasps", lambda: one_above().subset([3]))
+    refused("which must be bool or whole numbers", lambda: one_above().subset([0.5]))
+    assert len(one_above().subset([])) == 0 and len(one_above().subset([0, 0])) == 2
+    assert np.isnan(ObjectGrasps("x", ABOVE[None]).contacts_m).all() and len(ObjectGrasps("x", [])) == 0
+
+
+def test_a_damaged_set_of_the_program_is_refused(tmp_path):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    info = {"object": {"name": "a", "file": "a.obj", "scale_m": 1.0}, "gripper": {}, "stable_poses": []}
+    path = tmp_path / "a.parquet"
+    for match, bytes_, told in (
+        ("must be Parquet", b"no parquet", info),
+        ("x_m must be in the file", None, info),
+        ("object must be in the file", None, {}),
+    ):
+        parquet.write_table(arrow.table({"held": [1]}), path)
+        if bytes_ is not None:
+            path.write_bytes(bytes_)
+        path.with_suffix(".json").write_text(json.dumps(told))
+        refused(match, lambda: ObjectGrasps.load(path))
