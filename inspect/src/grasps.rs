@@ -113,7 +113,8 @@ pub(super) fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f3
     let known: f32 = poses.iter().map(|pose| pose.probability).sum();
     let free = poses.iter().zip(&grasp.is_free_on_table).filter(|(_, is_free)| **is_free);
     let free: f32 = free.map(|(pose, _)| pose.probability).sum();
-    (known > 0.0).then(|| free / known)
+    // The sum of nothing is -0.
+    (known > 0.0).then(|| free.max(0.0) / known)
 }
 
 /// What is said of an object beside its grasps, as `NAME.json` has it.
@@ -147,6 +148,7 @@ pub fn grasps_info(set: &ObjectGrasps) -> Value {
         },
         "test": set.test.name(),
         "gripper": set.gripper,
+        "base_to_tips_m": foreign::base_to_tips_m(&set.gripper),
         "grasps": set.grasps.len(),
         "outcomes": outcomes,
         "coverage": set.coverage,

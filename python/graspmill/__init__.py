@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from . import _native
 from ._native import __version__
 from ._renamed import renamed as _renamed_value
+from .annotation import annotate
 from .cameras import Camera
 from .crops import GraspCrops, grasp_crops
 from .dataset import Dataset, StoredScene, Table, generate
@@ -60,6 +61,7 @@ __all__ = [
     "Scene",
     "StoredScene",
     "Table",
+    "annotate",
     "execute",
     "generate",
     "grasp_crops",

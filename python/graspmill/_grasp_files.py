@@ -435,8 +435,9 @@ def write_isaac_grasp(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
             f"    orientation: {{w: {w}, xyz: [{x}, {y}, {z}]}}",
         ]
         width_m = grasps.width_m[number]
-        if name in PANDA_NAMES and opening_m is not None and not np.isnan(width_m):
-            lines.append(f"    cspace_position: {{{PANDA_JOINT}: {0.5 * width_m:.6f}}}")
+        if name in PANDA_NAMES and opening_m is not None:
+            if not np.isnan(width_m):
+                lines.append(f"    cspace_position: {{{PANDA_JOINT}: {0.5 * width_m:.6f}}}")
             lines.append(f"    pregrasp_cspace_position: {{{PANDA_JOINT}: {0.5 * opening_m:.6f}}}")
     with open(path, "w", encoding="utf-8") as file:
         file.write("\n".join(lines) + "\n")
@@ -517,11 +518,12 @@ def read_graspnet(path: str, hand: Hand) -> dict[str, Any]:
 
 
 def write_graspnet(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
-    """As ``graspmill objects annotate --format graspnet``: only grasps that held. Where the smallest friction is not
-    known, the score is the set's, or else 1."""
+    """As ``graspmill objects annotate --format graspnet``: only grasps that held. Where nothing was measured, the score
+    is the set's, or else 1; where even its own friction is too small, 0."""
     good = _good(grasps)
     rows = np.zeros((len(good), 17))
     other = np.where(np.isnan(good.score) | (grasps.held is not None), 1.0, good.score)
+    other = np.where(np.isnan(good.tug_max_g), other, 0.0)
     rows[:, 0] = np.where(np.isnan(good.friction_min), other, np.maximum(GRASPNET_SCORE - good.friction_min, 0.0))
     rows[:, 1] = np.nan_to_num(good.width_m)
     width_m = _part(grasps, "gripper").get("finger_width_m", GRASPNET_HEIGHT_M)

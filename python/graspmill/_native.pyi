@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Annotation",
     "Body",
     "Crops",
     "Dataset",
@@ -52,6 +53,27 @@ class Body:
         name: str, vertices_m: _Floats, triangles: NDArray[np.uint32], parts_max: int, corners_max: int, is_closed: bool
     ) -> Body: ...
     def parts(self) -> list[_Floats]: ...
+
+@final
+class Annotation:
+    made: int
+    def __new__(
+        cls,
+        body: tuple[Body, float, float] | None,
+        file: tuple[_Path, float | None] | None,
+        simulation: Simulation,
+        params: tuple[int, bool, Sequence[float], str, bool, int, int, int],
+        given: _Floats | None,
+        threads: int,
+    ) -> Annotation: ...
+    def has_ended(self) -> bool: ...
+    def info(self) -> str: ...
+    def poses(self) -> _Floats: ...
+    def words(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]: ...
+    def numbers(self) -> _Floats: ...
+    def free_on_table(self) -> NDArray[np.bool_]: ...
+    @staticmethod
+    def sources() -> list[str]: ...
 
 @final
 class Scene:

@@ -317,18 +317,6 @@ def _gripper_base_to_tips_m(gripper: Gripper) -> float:
     return _arrays.number("flange_from_grasp z", gripper.flange_from_grasp[2, 3], 0.0, 10.0)
 
 
-def _stored_base_to_tips_m(gripper: Mapping[str, Any]) -> float | None:
-    """The same of ``NAME.json``, which has no flange: that of the built-in hand with the same name and lengths."""
-    known = {key: _arrays.number(f"gripper.{key}", gripper[key], 0.0, 1e3) for key in _LENGTHS if key in gripper}
-    if gripper.get("name") in Gripper.names():
-        built_in = Gripper.load(gripper["name"])
-        # The file has single precision.
-        if all(np.float32(value) == np.float32(getattr(built_in, key)) for key, value in known.items()):
-            return _gripper_base_to_tips_m(built_in)
-    parts = [known.get(key) for key in ("finger_length_m", "palm_length_m")]
-    return None if None in parts else sum(part for part in parts if part is not None)
-
-
 def _known(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Numbers:
     """Numbers of this shape, NaN where unknown; an empty array is all unknown."""
     array = _arrays.given(name, value)
@@ -393,7 +381,7 @@ def _of_columns(columns: Mapping[str, Any], info: dict[str, Any]) -> dict[str, A
         **{ours: column(theirs) for ours, theirs in _COLUMNS.items()},
         "is_free_on_table": (bits & np.uint64(1)).astype(bool),
         "stable_poses": stable,
-        "base_to_tips_m": _stored_base_to_tips_m(table("gripper", info.get("gripper", {}))),
+        "base_to_tips_m": _arrays.number("base_to_tips_m", entry("base_to_tips_m", info), 0.0, 10.0),
         "info": info,
     }
 

@@ -59,3 +59,8 @@ def test_a_notebook_is_its_example_and_was_executed(name):
     assert code == notebooks.cells(name), "python scripts/notebooks.py renews it"
     outputs = [output for cell in stored["cells"] for output in cell.get("outputs", [])]
     assert outputs and not any(output["output_type"] == "error" for output in outputs)
+
+
+def test_a_planner_for_known_objects(tmp_path):
+    said = run(tmp_path, "known_objects.py")
+    assert said.count("covered") == 3 and "best free grasps held in the heap" in said

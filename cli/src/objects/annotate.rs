@@ -219,6 +219,8 @@ fn settings(object: &Annotated, params: &AnnotateParams) -> Result<Value, Failur
     Ok(json!({
         "code_version": env!("CARGO_PKG_VERSION"),
         "params": params,
+        // No part of a gripper's stored form, and files of others depend on it.
+        "flange_from_grasp_m": params.gripper.flange_from_grasp.map(|flange| flange.position_m),
         "physics": Physics::STANDARD,
         "procedure": Procedure::PAPER,
         "file": object.file,

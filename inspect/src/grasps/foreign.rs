@@ -15,7 +15,7 @@ const GRASPNET_SCORE: f32 = 1.1;
 
 /// From the base of the hand to its tips, along the approach: the flange's distance if the hand's file has it, else
 /// palm and fingers.
-fn base_to_tips_m(gripper: &Gripper) -> f32 {
+pub(super) fn base_to_tips_m(gripper: &Gripper) -> f32 {
     let flange = gripper.flange_from_grasp.map(|flange_from_grasp| flange_from_grasp.position_m[2]);
     flange.unwrap_or(gripper.finger_length_m + gripper.palm_length_m)
 }
@@ -60,13 +60,11 @@ pub(super) fn isaac_grasp(set: &ObjectGrasps) -> String {
             "  grasp_{number}:\n    confidence: {confidence:.1}\n    position: [{x:.7}, {y:.7}, {z:.7}]\n    \
              orientation: {{w: {qw:.8}, xyz: [{qx:.8}, {qy:.8}, {qz:.8}]}}"
         );
-        if let (Some(joint), Some(width_m)) = (joint, grasp.width_m) {
-            let [closed_m, open_m] = [width_m, set.gripper.opening_m_max].map(|width_m| 0.5 * width_m);
-            let _ = writeln!(
-                text,
-                "    cspace_position: {{{joint}: {closed_m:.6}}}\n    pregrasp_cspace_position: {{{joint}: {open_m:.6}}}"
-            );
+        let Some(joint) = joint else { continue };
+        if let Some(width_m) = grasp.width_m {
+            let _ = writeln!(text, "    cspace_position: {{{joint}: {:.6}}}", 0.5 * width_m);
         }
+        let _ = writeln!(text, "    pregrasp_cspace_position: {{{joint}: {:.6}}}", 0.5 * set.gripper.opening_m_max);
     }
     text
 }
@@ -105,8 +103,8 @@ pub(super) fn molmospaces(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
 }
 
 /// Score, width, height, depth, nine of the rotation, three of the position, object: +x approach, +y closing, origin
-/// 20 mm behind the tips. Only grasps that held; the score is 1.1 less the smallest friction where that is known, and 1
-/// elsewhere. The object has no number: −1.
+/// 20 mm behind the tips. Only grasps that held; the score is 1.1 less the smallest friction where that was measured, 0
+/// where even its own is too small, and 1 where nothing was measured. The object has no number: −1.
 pub(super) fn graspnet(set: &ObjectGrasps) -> Vec<u8> {
     let grasp = |grasp: &ObjectGrasp| -> Vec<f64> {
         let Pose { translation, rotation, .. } = grasp.object_from_grasp;
@@ -114,8 +112,10 @@ pub(super) fn graspnet(set: &ObjectGrasps) -> Vec<u8> {
         // Theirs: x = our z, y = our y, z = x × y = our −x.
         let axes = [z, y, -x];
         let at_m = translation - z * GRASPNET_DEPTH_M;
-        let friction_min = grasp.margins.and_then(|margins| margins.friction_min);
-        let score = friction_min.map_or(1.0, |friction| (GRASPNET_SCORE - friction).max(0.0));
+        let measured = |margins: schema::Margins| {
+            margins.friction_min.map_or(0.0, |friction| (GRASPNET_SCORE - friction).max(0.0))
+        };
+        let score = grasp.margins.map_or(1.0, measured);
         let width_m = grasp.width_m.unwrap_or(0.0);
         let row = |i: usize| axes.map(|axis| axis.to_array()[i]);
         let numbers = [score, width_m, set.gripper.finger_width_m, GRASPNET_DEPTH_M];

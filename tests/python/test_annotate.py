@@ -1,0 +1,89 @@
+"""Labelled grasps of objects from Python: the same as the program's, and labels for grasps of others."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+pytest.importorskip("pyarrow")
+
+BOX = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0, 0, 0))
+
+
+def brick(folder):
+    """A box of 40 x 60 x 50 mm whose corner is the origin, in millimetres."""
+    corners = [(40 * (c & 1), 60 * (c >> 1 & 1), 50 * (c >> 2 & 1)) for c in range(8)]
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+    faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
+    path = folder / "brick.obj"
+    path.write_text(text + faces)
+    return path
+
+
+def test_grasps_are_those_of_the_program(tmp_path):
+    mesh = brick(tmp_path)
+    settings = {"grasps": 60, "test": "turn", "margins": True, "repeats": 2, "drops": 10, "seed": 7}
+    told = []
+    made = graspmill.annotate(mesh, gripper="franka_hand", scale=0.001, threads=2, progress=told.append, **settings)
+    words = [str(word) for key, value in settings.items() for word in (f"--{key}", value) if value is not True]
+    command = [sys.executable, "-m", "graspmill", "objects", "annotate", mesh, "--scale", "0.001", "--gripper", "franka_hand", "--margins"]
+    subprocess.run([*command, *words, "--out", tmp_path / "out"], check=True, capture_output=True)
+    stored = graspmill.ObjectGrasps.load(tmp_path / "out" / "brick.parquet")
+    assert len(made) == len(stored) == 60
+    for name in ("object_from_grasp", "width_m", "contacts_m", "normals", "closing_moved_m", "test_turned_rad", "friction_min", "tug_max_g"):
+        np.testing.assert_allclose(getattr(made, name), getattr(stored, name), atol=1e-6, err_msg=name)
+    for name in ("outcome", "source", "held", "is_free_on_table"):
+        assert np.array_equal(getattr(made, name), getattr(stored, name)), name
+    np.testing.assert_allclose(made.on_table_share, stored.on_table_share, atol=1e-6)
+    assert made.base_to_tips_m == pytest.approx(0.1123) == stored.base_to_tips_m
+    assert [pose for pose, _ in made.stable_poses] == pytest.approx([pose for pose, _ in stored.stable_poses])
+    # The mesh's corner is the origin: contacts are on its sides, 0 and the lengths.
+    points = made.contacts_m[made.held].reshape(-1, 3)
+    off = np.abs(np.stack([points, points - (0.04, 0.06, 0.05)])).min(axis=(0, 2))
+    assert np.isfinite(points).all() and off.max() < 1e-3
+
+
+def test_grasps_of_others_are_labelled(tmp_path):
+    above = np.diag([1.0, -1.0, -1.0, 1.0])
+    beside = above.copy()
+    beside[0, 3] = 0.2
+    through = above.copy()
+    through[1, 3] = 0.025
+    labels = graspmill.annotate(BOX, given=[above, beside, through], drops=0, margins=True)
+    assert list(labels.outcome) == ["held", "empty", "approach_collision"] and set(labels.source) == {"given"}
+    assert labels.width_m[0] == pytest.approx(0.06, abs=1e-3) and np.isnan(labels.width_m[2])
+    assert labels.tug_max_g[0] > 1 and np.isnan(labels.tug_max_g[1:]).all() and np.isnan(labels.on_table_share).all()
+    path = labels.save(tmp_path / "box.npz", "molmospaces")
+    again = graspmill.annotate(BOX, given=graspmill.read_grasps(path).object_from_grasp, drops=0)
+    assert list(again.outcome) == ["held"]
+
+
+def test_only_what_holds_is_kept_where_that_is_asked_for():
+    held = graspmill.annotate(BOX, grasps=50, held_only=True, drops=0, shares=(1, 0, 0))
+    assert len(held) == 50 and held.held.all()
+    huge = graspmill.Object.cuboid((0.2, 0.2, 0.2), (0, 0, 0))
+    none = graspmill.annotate(huge, grasps=50, drops=0, shares=(1, 0, 0))
+    assert len(none) == 0 and none.info["coverage"] is None
+
+
+def test_what_is_wrong_is_named(tmp_path):
+    for expected, call in (
+        ("grasps", lambda: graspmill.annotate(BOX, grasps=0)),
+        ("test must be one of lift, turn, tug, shake", lambda: graspmill.annotate(BOX, test="drop")),
+        ("shares must not all be 0", lambda: graspmill.annotate(BOX, shares=(0, 0, 0))),
+        ("scale goes with a file", lambda: graspmill.annotate(BOX, scale=1.0)),
+        ("given", lambda: graspmill.annotate(BOX, given=np.zeros((2, 4, 4)))),
+        ("claw", lambda: graspmill.annotate(BOX, gripper="claw")),
+        ("gone.obj", lambda: graspmill.annotate(tmp_path / "gone.obj")),
+        ("progress must be a function", lambda: graspmill.annotate(BOX, progress=7)),
+    ):
+        with pytest.raises((graspmill.InputError, graspmill.OutsideError, graspmill.DataError), match=expected):
+            call()
+
+    def stop(_):
+        raise KeyError("enough")
+
+    with pytest.raises(KeyError, match="enough"):
+        graspmill.annotate(BOX, grasps=1_000_000, drops=0, progress=stop)
