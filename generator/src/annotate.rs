@@ -34,15 +34,15 @@ const G_M_S2: f32 = 9.806_65;
 /// An object is held if it stays so near to where it was gripped: half a lift, as in scenes.
 const HOLD: Hold = Hold { moved_m_max: 0.05, turned_rad_max: PI };
 /// A grip gives way when the object moves further.
-const TIGHT: Hold = Hold { moved_m_max: 0.002, turned_rad_max: 0.1 };
+const TIGHT: Hold = Hold { moved_m_max: 0.001, turned_rad_max: 0.05 };
 /// How long a pull lasts, in seconds.
 const LIFT_S: f32 = 0.25;
-const MARGIN_S: f32 = 0.2;
+const MARGIN_S: f32 = 0.125;
 /// Pulls between which the strongest is looked for, in g, by so many halvings: within 3 %.
 const TUG_G: [f32; 2] = [0.125, 64.0];
 const TUG_HALVINGS: u32 = 8;
-/// Shares of the friction between which the smallest is looked for: within a hundredth of it.
-const FRICTION_HALVINGS: u32 = 7;
+/// Halvings that find the smallest share of the friction: within a 256th.
+const FRICTION_HALVINGS: u32 = 8;
 
 /// How grasps are drawn: shares of the tries.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -182,9 +182,10 @@ struct Bench<'a> {
     friction: f32,
 }
 
-/// The settings of every floating world.
-static PHYSICS: Physics = Physics::STANDARD;
-static PROCEDURE: Procedure = Procedure::PAPER;
+/// The settings of every floating world. Walls of cups are thinner than the 2 mm at which jaws have met in scenes.
+pub static PHYSICS: Physics = Physics::STANDARD;
+/// See [`PHYSICS`].
+pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0005, ..Procedure::PAPER };
 
 impl<'a> Bench<'a> {
     fn new(annotated: &'a Annotated, params: &'a AnnotateParams, surface: &'a Surface) -> Self {
@@ -323,13 +324,15 @@ impl<'a> Bench<'a> {
     fn coverage(&self, draw: &Draw<'_>, grasps: &[ObjectGrasp]) -> Option<f32> {
         let held = grasps.iter().filter(|grasp| grasp.outcome == Outcome::Held);
         let contacts_m: Vec<Vec3> = held.flat_map(|grasp| grasp.contacts_m).flatten().collect();
-        let graspable = |number: u64| {
-            let point = draw.point(number).filter(|point| draw.is_graspable(point))?;
-            Some(point.at_m + self.annotated.origin_m)
+        let is_near = |at_m: Vec3| contacts_m.iter().any(|contact_m| (at_m - *contact_m).length() <= COVERED_M);
+        // Where something was held, nobody has to ask whether a hand can come.
+        let covered = |number: u64| {
+            let point = draw.point(number).filter(|point| draw.has_pair(point))?;
+            let is_covered = is_near(point.at_m + self.annotated.origin_m);
+            (is_covered || draw.is_graspable(&point)).then_some(is_covered)
         };
-        let graspable: Vec<Vec3> = (0..COVERAGE_NUMBERS).into_par_iter().filter_map(graspable).collect();
-        let is_near = |at_m: &&Vec3| contacts_m.iter().any(|contact_m| (**at_m - *contact_m).length() <= COVERED_M);
-        let near = graspable.iter().filter(is_near).count();
+        let graspable: Vec<bool> = (0..COVERAGE_NUMBERS).into_par_iter().filter_map(covered).collect();
+        let near = graspable.iter().filter(|is_covered| **is_covered).count();
         (!graspable.is_empty()).then(|| near as f32 / graspable.len() as f32)
     }
 
@@ -485,7 +488,7 @@ mod tests {
         let friction = 0.5 * 0.5 * G_M_S2 / hand.finger_force_n;
         let [middle, beside] = [0, 1].map(|number| set.grasps[number].margins.unwrap());
         assert!((middle.tug_max_g / tug_g - 1.0).abs() < 0.03, "{middle:?}, by the closed form {tug_g} g");
-        assert!((middle.friction_min.unwrap() / friction - 1.0).abs() < 0.05, "{middle:?}, {friction}");
+        assert!((middle.friction_min.unwrap() / friction - 1.0).abs() < 0.03, "{middle:?}, {friction}");
         // 12 mm beside the middle the weight turns the block, too.
         assert!(beside.tug_max_g < 0.8 * middle.tug_max_g && beside.friction_min > middle.friction_min, "{beside:?}");
     }

@@ -60,7 +60,7 @@ pub struct ObjectGrasp {
     pub is_free_on_table: Vec<bool>,
 }
 
-/// How much a grip bears before it gives way by 2 mm or 0.1 rad.
+/// How much a grip bears before it gives way by 1 mm or 0.05 rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Margins {
     /// The smallest friction coefficient between finger and object at which it bears the object's weight in all six

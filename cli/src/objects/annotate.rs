@@ -12,7 +12,7 @@ use inspect::{GraspFormat, grasps_index, grasps_info, grasps_picture, grasps_vie
 use program::text::percent;
 use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
 use report::document::{Block, Cell, Document, Picture, Table};
-use schema::{GripTest, Gripper, Physics, Procedure};
+use schema::{GripTest, Gripper};
 use serde_json::{Value, json};
 
 use super::import::MeshOptions;
@@ -221,8 +221,8 @@ fn settings(object: &Annotated, params: &AnnotateParams) -> Result<Value, Failur
         "params": params,
         // No part of a gripper's stored form, and files of others depend on it.
         "flange_from_grasp_m": params.gripper.flange_from_grasp.map(|flange| flange.position_m),
-        "physics": Physics::STANDARD,
-        "procedure": Procedure::PAPER,
+        "physics": generator::PHYSICS,
+        "procedure": generator::PROCEDURE,
         "file": object.file,
         "scale_m": object.scale_m,
         "origin_m": object.origin_m.to_array(),

@@ -106,7 +106,12 @@ impl Draw<'_> {
         })
     }
 
-    /// Whether a hand can close on a point of the surface straight across from it.
+    /// Whether there is a point straight across from a point of the surface, for a hand to close on the two.
+    pub(super) fn has_pair(&self, point: &SurfacePoint) -> bool {
+        !self.pairs(point, -point.normal).is_empty()
+    }
+
+    /// Whether a hand can come and do so.
     pub(super) fn is_graspable(&self, point: &SurfacePoint) -> bool {
         let inwards = -point.normal;
         let mut pairs = self.pairs(point, inwards).into_iter();
