@@ -139,12 +139,13 @@ class Runner:
     def _width_m(self) -> float:
         return max(self._gripper.opening_m_max - sum(self._engine.closed_m()), 0.0)
 
-    def _close(self) -> float:
+    def _close(self, before_step: Callable[[], None] = lambda: None) -> float:
         """Closes until both fingers have stopped; returns the opening in metres."""
         engine, rate = self._engine, self._engine.step_rate_hz
         wanted, slow = steps(STOPPED_TIME_S, rate), STOPPED_SPEED_M_S / rate
         last, stopped = engine.closed_m(), 0
         for _ in range(steps(self._procedure.close_time_s_max, rate)):
+            before_step()
             engine.step()
             now = engine.closed_m()
             stopped = stopped + 1 if all(abs(a - b) < slow for a, b in zip(now, last)) else 0

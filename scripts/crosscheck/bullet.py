@@ -59,6 +59,8 @@ class Bullet:
     """A PyBullet world in DIRECT mode; see `crosscheck.attempt.Engine`."""
 
     name = "pybullet"
+    # Of the hand's root, 0 for one that is fixed.
+    root_mass_kg = 0.0
 
     def __init__(self, options: BulletOptions = BulletOptions()):
         self.options = options
@@ -163,7 +165,7 @@ class Bullet:
         # Link frames sit at the boxes' centres; the fingers' are given from the palm's.
         frames = [centres[0], centres[1] - centres[0], centres[2] - centres[0]]
         self._hand = pybullet.createMultiBody(
-            0, basePosition=pose.position_m, baseOrientation=pose.quat_xyzw,
+            self.root_mass_kg, basePosition=pose.position_m, baseOrientation=pose.quat_xyzw,
             linkMasses=[PALM_MASS_KG, gripper.finger_mass_kg, gripper.finger_mass_kg],
             linkCollisionShapeIndices=shapes, linkVisualShapeIndices=[-1] * 3,
             linkPositions=frames, linkOrientations=[NO_TURN] * 3,

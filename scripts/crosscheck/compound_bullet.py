@@ -14,7 +14,7 @@ import pybullet
 from .bullet import NO_TURN, Bullet
 from .compound import Compound
 from .contract import SceneObject
-from .pose import Pose, product
+from .pose import Pose, conjugate, product
 
 
 class CompoundBullet(Bullet):
@@ -56,8 +56,3 @@ class CompoundBullet(Bullet):
         pose = super()._pose(body)
         turn = self._turns.get(body)
         return pose if turn is None else Pose(pose.position_m, product(pose.quat_xyzw, conjugate(turn)))
-
-
-def conjugate(quat_xyzw: np.ndarray) -> np.ndarray:
-    """The inverse of a unit quaternion (4,)."""
-    return quat_xyzw * np.array([-1.0, -1.0, -1.0, 1.0])

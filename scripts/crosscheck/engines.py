@@ -5,8 +5,11 @@ from __future__ import annotations
 from importlib.metadata import version
 
 from .attempt import Engine
+from .floating import FloatingEngine
 
 ENGINES = ("pybullet", "mujoco")
+# MuJoCo's options for contacts much stiffer than those for scenes.
+STIFF = {"step_rate_hz": 2000.0, "contact_time_s": 1e-3, "impedance": 0.999}
 
 
 def make(name: str, **options: object) -> Engine:
@@ -21,6 +24,19 @@ def make(name: str, **options: object) -> Engine:
     return Mujoco(MujocoOptions(**options))
 
 
+def make_floating(name: str, is_fast: bool) -> FloatingEngine:
+    """An engine for objects that float. Its settings for scenes are fast; but then fingers go through thin parts."""
+    if name == "pybullet":
+        from .bullet import BulletOptions
+        from .floating_bullet import FloatingBullet
+
+        return FloatingBullet(BulletOptions() if is_fast else BulletOptions(step_rate_hz=960.0))
+    from .floating_mujoco import FloatingMujoco
+    from .mujoco_engine import MujocoOptions
+
+    return FloatingMujoco(MujocoOptions() if is_fast else MujocoOptions(**STIFF))
+
+
 def describe(engine: Engine) -> dict:
     """Engine, version and settings, for the report; the step rate is that of the hand that was loaded last."""
     name, settings = engine.name, {**vars(engine.options), "step_rate_hz": engine.step_rate_hz}
@@ -33,6 +49,5 @@ def variants(name: str, rate: float) -> list[tuple[str, dict]]:
     if name == "pybullet":
         found.append(("50 solver iterations (its default)", {"solver_iterations": 50}))
     if name == "mujoco":
-        stiff = {"step_rate_hz": 2000.0, "contact_time_s": 1e-3, "impedance": 0.999}
-        found.append(("2000 Hz, much stiffer contacts", stiff))
+        found.append(("2000 Hz, much stiffer contacts", STIFF))
     return found

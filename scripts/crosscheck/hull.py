@@ -65,11 +65,15 @@ class Hull:
         corners = np.concatenate([middle, self.vertices_m[triangles]], axis=1)
         return corners, np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
 
+    @cached_property
+    def _meeting(self) -> np.ndarray:
+        """Which faces meet at which corner (n, f)."""
+        return np.array([[number in face for face in self.faces] for number in range(len(self.vertices_m))])
+
     def shrunk(self, margin_m: float) -> np.ndarray:
         """Corners (n, 3) whose faces lie `margin_m` further in; only nearly so where more than three faces meet."""
         moved = []
-        for number, corner in enumerate(self.vertices_m):
-            meeting = np.array([number in face for face in self.faces])
+        for corner, meeting in zip(self.vertices_m, self._meeting):
             normals = self.normals[meeting]
             moved.append(corner + np.linalg.lstsq(normals, np.full(len(normals), -margin_m), rcond=1e-3)[0])
         return np.array(moved)
@@ -149,8 +153,8 @@ def _apart(points: np.ndarray, tolerance: float) -> np.ndarray:
 
 def _distinct(directions: np.ndarray) -> np.ndarray:
     """Unit directions without repetitions and opposites."""
-    kept: list[np.ndarray] = []
+    kept = np.empty((0, 3))
     for direction in directions:
-        if all(np.linalg.norm(np.cross(direction, other)) > 1e-4 for other in kept):
-            kept.append(direction)
-    return np.array(kept)
+        if (np.linalg.norm(np.cross(direction, kept), axis=1) > 1e-4).all():
+            kept = np.vstack([kept, direction])
+    return kept

@@ -49,7 +49,7 @@ class Mujoco:
     def load(self, scene: Scene, gripper: Gripper, environment: Environment) -> None:
         """Compiles a scene and a hand."""
         self._gripper, self._count = gripper, len(scene.objects)
-        self._model = mujoco.MjModel.from_xml_string(_model_xml(scene, gripper, environment, self.options))
+        self._model = self._compiled(_model_xml(scene, gripper, environment, self.options))
         self._data = mujoco.MjData(self._model)
         model = self._model
         self._bodies = [model.body(f"object{i}").id for i in range(self._count)]
@@ -60,6 +60,9 @@ class Mujoco:
         self._fixture_geoms = [model.geom(name).id for name in _fixtures(scene)]
         self._slides = {name: model.joint(name).qposadr[0] for name in (*FINGERS, "palm")}
         self._speeds = {name: model.joint(name).dofadr[0] for name in (*FINGERS, "palm")}
+
+    def _compiled(self, xml: str) -> mujoco.MjModel:
+        return mujoco.MjModel.from_xml_string(xml)
 
     def begin(self, workspace_from_grasp: Pose | None, retreat: np.ndarray | None) -> None:
         """The scene as stored; a hand that is not wanted is put out of the way."""

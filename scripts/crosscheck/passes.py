@@ -11,13 +11,15 @@ from tqdm import tqdm
 
 from . import gate
 from .attempt import Engine, Runner
-from .contract import Attempt, Execution, Scene
+from .contract import Attempt, Environment, Execution, Gripper, Procedure, Scene
 from .dataset import Dataset
 from .pose import Pose, angle_between_rad
 
 DRIFT_TIME_S = 0.5
 
 Jitter = Callable[[Attempt, Scene], Pose]
+# Makes what executes the attempts of a scene, from what a Runner takes.
+Runners = Callable[[Engine, Scene, Gripper, Procedure, Environment], Runner]
 
 
 @dataclass(frozen=True)
@@ -55,14 +57,16 @@ def _gate(dataset: Dataset, scene: Scene, poses: list[Pose]) -> list[gate.GateRe
     return gate.judge(scene, poses, dataset.hand_of(scene), dataset.procedure, dataset.environment.table_z_m)
 
 
-def same_gate(name: str, dataset: Dataset, engine: Engine, jitter: Jitter | None = None) -> Pass:
+def same_gate(
+    name: str, dataset: Dataset, engine: Engine, jitter: Jitter | None = None, runners: Runners = Runner
+) -> Pass:
     """The geometric gate first, physics from closing on; grasps are displaced by `jitter`."""
     executions, simulated, seconds = [], 0, 0.0
     for scene in _shown(name, dataset):
         poses = [jitter(a, scene) if jitter else a.workspace_from_grasp for a in scene.attempts]
         verdicts = _gate(dataset, scene, poses)
         start = perf_counter()
-        runner = Runner(engine, scene, dataset.hand_of(scene), dataset.procedure, dataset.environment)
+        runner = runners(engine, scene, dataset.hand_of(scene), dataset.procedure, dataset.environment)
         for attempt, pose, verdict in zip(scene.attempts, poses, verdicts):
             if verdict.outcome is None:
                 executions.append(runner.from_closing(attempt, pose))
@@ -73,12 +77,12 @@ def same_gate(name: str, dataset: Dataset, engine: Engine, jitter: Jitter | None
     return Pass(name, executions, simulated, seconds)
 
 
-def own_approach(name: str, dataset: Dataset, engine: Engine) -> Pass:
+def own_approach(name: str, dataset: Dataset, engine: Engine, runners: Runners = Runner) -> Pass:
     """Everything by the engine, pre-grasp and approach included."""
     executions, seconds = [], 0.0
     for scene in _shown(name, dataset):
         start = perf_counter()
-        runner = Runner(engine, scene, dataset.hand_of(scene), dataset.procedure, dataset.environment)
+        runner = runners(engine, scene, dataset.hand_of(scene), dataset.procedure, dataset.environment)
         executions += [runner.own_approach(attempt, attempt.workspace_from_grasp) for attempt in scene.attempts]
         seconds += perf_counter() - start
     return Pass(name, executions, len(executions), seconds)

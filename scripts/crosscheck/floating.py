@@ -1,0 +1,148 @@
+"""One grasp of a floating object in another engine, as simulator/src/floating.rs has it.
+
+There a shaken hand is a frame that accelerates; here the hand is moved, so that one checks the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from .attempt import Engine, Runner
+from .contract import Attempt, Environment, Execution, Gripper, Procedure, Scene, smoothstep, steps
+from .pose import Pose
+
+G_M_S2 = 9.80665
+# A pull comes up to its strength in this time.
+RISE_S = 0.025
+# An object is lost if its centre of mass moves further against the fingers.
+MOVED_M_MAX = 0.05
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+class FloatingEngine(Engine, Protocol):
+    """An engine whose hand can be carried anywhere, and whose object can be pulled."""
+
+    def pull(self, acceleration_m_s2: np.ndarray) -> None:
+        """Accelerates the object by so much (3,) from the next step on; the hand is not affected."""
+
+    def carry(self, workspace_from_grasp: Pose) -> None:
+        """Where the hand is to be at the end of the next step, and to stay; it has the speed of its way."""
+
+    def centre_m(self) -> np.ndarray:
+        """The object's centre of mass (3,)."""
+
+    def save(self) -> object:
+        """The state of everything that moves."""
+
+    def restore(self, state: object) -> None:
+        """Goes back to a saved state."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """What a closed hand is put to: how the object is pulled at a time, and where the hand is, if it moves.
+
+    Both in the frame of the grasp."""
+
+    time_s: float
+    pull_m_s2: Callable[[float], np.ndarray]
+    hand: Callable[[float], Pose] | None = None
+
+
+def pull(direction: list[float], time_s: float) -> Load:
+    """A steady pull of 1 g for `time_s` after it came up."""
+    acceleration = G_M_S2 * np.array(direction) / np.linalg.norm(direction)
+    return Load(RISE_S + time_s, lambda now_s: acceleration * smoothstep(now_s / RISE_S))
+
+
+def shake(way_m: np.ndarray, turn_rad: np.ndarray, pivot_m: np.ndarray, rate_hz: float, cycles: float) -> Load:
+    """The hand goes to and fro along a way, then it turns to and fro about a pivot."""
+    half_s = cycles / rate_hz
+
+    def hand(now_s: float) -> Pose:
+        swings_s = now_s if now_s < half_s else now_s - half_s
+        share = (1 - np.cos(2 * np.pi * rate_hz * swings_s)) / 2
+        if now_s < half_s:
+            return Pose(share * way_m, UPRIGHT)
+        turned = Pose(np.zeros(3), UPRIGHT).turned(share * turn_rad)
+        return turned.moved(pivot_m - turned.apply(pivot_m))
+
+    return Load(2 * half_s, lambda now_s: np.zeros(3), hand)
+
+
+def loads(test: str, gripper: Gripper) -> list[Load]:
+    """What a test puts a grip to, one after the other; raises ValueError if it is unknown."""
+    if test == "lift":
+        return [pull([0, 0, 1], 0.25)]
+    if test == "turn":
+        return [pull(list(sign * axis), 0.25) for axis in np.eye(3) for sign in (1, -1)]
+    if test == "tug":
+        return [pull([x, y, 1], 0.5) for x, y in ((0, 0), (2, 0), (-2, 0), (0, 2), (0, -2))]
+    if test == "shake":
+        base_m = gripper.finger_length_m + gripper.palm_length_m
+        z = np.array([0.0, 0.0, 1.0])
+        return [shake(0.08 * z, np.array([0.0, 1.0, 0.0]), -base_m * z, rate_hz=2.0, cycles=2.0)]
+    raise ValueError(f"unknown test {test!r}")
+
+
+class FloatingRunner(Runner):
+    """Executes grasps of one floating object in an engine."""
+
+    def __init__(
+        self, test: str, engine: FloatingEngine, scene: Scene, gripper: Gripper, procedure: Procedure,
+        environment: Environment,
+    ):  # fmt: skip
+        super().__init__(engine, scene, gripper, procedure, environment)
+        self._floating, self._loads = engine, loads(test, gripper)
+
+    def _close_and_lift(self, attempt: Attempt, pose: Pose, watch: Callable[[str], None]) -> Execution:
+        self._asymmetry_m: float | None = None
+        width_m = self._close(self._tie)
+        watch("closed")
+        if width_m <= self._procedure.empty_width_m:
+            return Execution("empty", None, width_m)
+        if self._asymmetry_m is None:
+            left, right = self._engine.closed_m()
+            self._asymmetry_m = left - right
+        closed, most_m = self._floating.save(), 0.0
+        for load in self._loads:
+            self._floating.restore(closed)
+            is_held, moved_m = self._bears(load, pose)
+            most_m = max(most_m, moved_m)
+            if not is_held:
+                return Execution("slipped", None, width_m, most_m)
+        return Execution("held", None, width_m, most_m)
+
+    def _tie(self) -> None:
+        """From when both fingers press they are tied as in a lift: what floats would drift on between them."""
+        if self._asymmetry_m is None and self._engine.grips(0):
+            left, right = self._engine.closed_m()
+            self._asymmetry_m = left - right
+        if self._asymmetry_m is not None:
+            self._engine.press(self._asymmetry_m)
+
+    def _bears(self, load: Load, pose: Pose) -> tuple[bool, float]:
+        """Whether the object stays in the hand, and how far it moved in it."""
+        engine, rate, moved_m = self._floating, self._engine.step_rate_hz, 0.0
+        there, start_m = pose, self._centre_m(pose)
+        for step in range(steps(load.time_s, rate)):
+            engine.press(self._asymmetry_m)
+            engine.pull(pose.rotation @ load.pull_m_s2((step + 0.5) / rate))
+            if load.hand is not None:
+                there = pose.of(load.hand((step + 1) / rate))
+                engine.carry(there)
+            engine.step()
+            moved_m = float(np.linalg.norm(self._centre_m(there) - start_m))
+            if moved_m > MOVED_M_MAX or self._width_m() <= self._procedure.empty_width_m:
+                return False, moved_m
+        return engine.grips(0), moved_m
+
+    def _centre_m(self, hand: Pose) -> np.ndarray:
+        """The centre of mass against the point between the fingers, in the hand's frame (3,)."""
+        left, right = self._engine.closed_m()
+        middle_m = np.array([0.0, (left - right) / 2, 0.0])
+        return (self._floating.centre_m() - hand.position_m) @ hand.rotation - middle_m

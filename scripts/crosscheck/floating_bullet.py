@@ -1,0 +1,71 @@
+"""PyBullet for a floating object: the hand's root is so heavy that nothing moves it but the speed that is written.
+
+Of the points of a contact PyBullet may load one alone, and a hull's contact often has but one: what turns an object
+between two fingers is then hardly resisted, and it swings where in other engines it does not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pybullet
+
+from .compound_bullet import CompoundBullet
+from .pose import Pose, conjugate, product, vector_from_quat
+
+ROOT_INERTIA_KG_M2 = (1e3, 1e3, 1e3)
+
+
+class FloatingBullet(CompoundBullet):
+    """A PyBullet world with one object; see `crosscheck.floating.FloatingEngine`."""
+
+    root_mass_kg = 1e3
+
+    def begin(self, workspace_from_grasp: Pose | None, retreat: np.ndarray | None) -> None:
+        """A fresh world."""
+        self._force_n = np.zeros(3)
+        super().begin(workspace_from_grasp, retreat)
+
+    def _add_hand(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
+        super()._add_hand(workspace_from_grasp, retreat)
+        pybullet.changeDynamics(
+            self._hand, -1, localInertiaDiagonal=ROOT_INERTIA_KG_M2, physicsClientId=self.client
+        )
+        self._there = workspace_from_grasp
+
+    def place(self, workspace_from_grasp: Pose) -> None:
+        """Puts the hand's root elsewhere."""
+        super().place(workspace_from_grasp)
+        self._there = workspace_from_grasp
+
+    def pull(self, acceleration_m_s2: np.ndarray) -> None:
+        """Accelerates the object."""
+        self._force_n = self._scene.objects[0].mass_kg * acceleration_m_s2
+
+    def carry(self, workspace_from_grasp: Pose) -> None:
+        """Where the hand is to be at the end of the next step."""
+        self._there = workspace_from_grasp
+
+    def centre_m(self) -> np.ndarray:
+        """The object's centre of mass."""
+        return np.array(pybullet.getBasePositionAndOrientation(self.bodies[0], physicsClientId=self.client)[0])
+
+    def step(self) -> None:
+        """One step."""
+        c, there = self.client, self._there
+        at_m, quat = (np.array(part) for part in pybullet.getBasePositionAndOrientation(self._hand, physicsClientId=c))
+        turn_rad = vector_from_quat(product(there.quat_xyzw, conjugate(quat)))
+        pybullet.resetBaseVelocity(
+            self._hand, (there.position_m - at_m) * self.step_rate_hz, turn_rad * self.step_rate_hz, physicsClientId=c
+        )
+        pybullet.applyExternalForce(
+            self.bodies[0], -1, self._force_n, self.centre_m(), pybullet.WORLD_FRAME, physicsClientId=c
+        )
+        super().step()
+
+    def save(self) -> int:
+        """The state of everything that moves."""
+        return pybullet.saveState(physicsClientId=self.client)
+
+    def restore(self, state: int) -> None:
+        """Goes back to a saved state."""
+        pybullet.restoreState(state, physicsClientId=self.client)

@@ -1,0 +1,71 @@
+"""MuJoCo for a floating object: the hand's root is free, and its pose and speed are written in every step."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from .mujoco_engine import PALM_MASS_KG, Mujoco
+from .pose import Pose, conjugate, product, vector_from_quat
+
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+class FloatingMujoco(Mujoco):
+    """A MuJoCo world with one object; see `crosscheck.floating.FloatingEngine`."""
+
+    def _compiled(self, xml: str) -> mujoco.MjModel:
+        spec = mujoco.MjSpec.from_string(xml)
+        root = spec.body("root")
+        root.mass, root.inertia, root.explicitinertial = PALM_MASS_KG, [PALM_MASS_KG] * 3, True
+        root.add_freejoint(name="root")
+        model = spec.compile()
+        self._root = slice(*(model.joint("root").qposadr[0] + np.array([0, 7])))
+        self._root_speed = slice(*(model.joint("root").dofadr[0] + np.array([0, 6])))
+        self._mass_kg = model.body("object0").mass[0]
+        return model
+
+    def place(self, workspace_from_grasp: Pose) -> None:
+        """Moves the hand's root."""
+        self._there = workspace_from_grasp
+        self._data.qvel[self._root_speed] = 0
+        self._put()
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def _put(self) -> None:
+        there = self._there
+        self._data.qpos[self._root] = [*there.position_m, there.quat_xyzw[3], *there.quat_xyzw[:3]]
+
+    def pull(self, acceleration_m_s2: np.ndarray) -> None:
+        """Accelerates the object."""
+        self._data.xfrc_applied[self._bodies[0], :3] = self._mass_kg * acceleration_m_s2
+
+    def carry(self, workspace_from_grasp: Pose) -> None:
+        """Where the hand is to be at the end of the next step."""
+        self._there = workspace_from_grasp
+
+    def centre_m(self) -> np.ndarray:
+        """The object's centre of mass."""
+        mujoco.mj_kinematics(self._model, self._data)
+        return self._data.xipos[self._bodies[0]].copy()
+
+    def step(self) -> None:
+        """One step; the hand ends at its commanded pose."""
+        now, there, rate = self._data.qpos[self._root], self._there, self.step_rate_hz
+        # Of a free joint the way is the workspace's, the turn the body's own.
+        way_m = there.position_m - now[:3]
+        turn_rad = vector_from_quat(product(conjugate(now[[4, 5, 6, 3]]), there.quat_xyzw))
+        self._data.qvel[self._root_speed] = np.concatenate([way_m, turn_rad]) * rate
+        super().step()
+        self._put()
+
+    def save(self) -> np.ndarray:
+        """The state of everything that moves."""
+        state = np.empty(mujoco.mj_stateSize(self._model, STATE))
+        mujoco.mj_getState(self._model, self._data, state, STATE)
+        return state
+
+    def restore(self, state: np.ndarray) -> None:
+        """Goes back to a saved state."""
+        mujoco.mj_setState(self._model, self._data, state, STATE)
+        mujoco.mj_kinematics(self._model, self._data)
