@@ -11,6 +11,7 @@
 mod contact;
 mod jaws;
 mod patch;
+mod pile;
 mod shape;
 #[cfg(test)]
 mod tests;
@@ -18,7 +19,7 @@ mod tests;
 use schema::{Gripper, Physics, Pose, Quat, Vec3};
 use wide::f32x4;
 
-use crate::bodies::{AttemptEngine, Bodies, PileEngine};
+use crate::bodies::{AttemptEngine, Bodies};
 use crate::contact::{Contact as Pressing, ContactBody};
 use contact::{Answer, Contact, Contacts, Double, Motion, Pass, Relative, Single, Touched, lanes};
 use jaws::Jaws;
@@ -237,6 +238,11 @@ impl<'a> Stepper<'a> {
     /// From now on, whatever is free gains `gravity_m_s2` in this frame, which turns besides if `turning` says so.
     pub(crate) fn accelerate(&mut self, gravity_m_s2: Vec3, turning: Option<Turning>) {
         (self.gravity_m_s2, self.turning) = (gravity_m_s2, turning);
+    }
+
+    /// Keeps the fingers from closing faster than the hand does, also where they press.
+    pub(crate) fn keep_pace(&mut self) {
+        self.jaws.keep_pace();
     }
 
     /// Multiplies the friction of the hand, from the next step on.
@@ -525,31 +531,6 @@ impl Bodies for Stepper<'_> {
     fn velocities(&self, object_id: usize) -> [Vec3; 2] {
         let body = &self.bodies[object_id];
         [body.velocity_m_s, body.spin_rad_s]
-    }
-}
-
-impl PileEngine for Stepper<'_> {
-    fn add(&mut self, pose: &Pose, velocity_m_s: Vec3) {
-        let body = Body::new(&self.things[self.bodies.len()], pose, true);
-        self.bodies.push(Body { velocity_m_s, ..body });
-    }
-
-    fn add_walls(&mut self, size_m: f32) {
-        let walls = [(Vec3::X, 0.0), (-Vec3::X, -size_m), (Vec3::Y, 0.0), (-Vec3::Y, -size_m)];
-        self.planes.extend(walls.map(|(normal, offset_m)| Plane { normal, offset_m }));
-    }
-
-    fn remove_walls(&mut self) {
-        self.planes.truncate(1);
-        for body in &mut self.bodies {
-            body.is_awake = true;
-        }
-    }
-
-    fn fall_asleep(&mut self) {
-        for body in &mut self.bodies {
-            (body.is_awake, body.velocity_m_s, body.spin_rad_s) = (false, Vec3::ZERO, Vec3::ZERO);
-        }
     }
 }
 

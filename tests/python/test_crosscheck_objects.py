@@ -138,7 +138,8 @@ def test_other_engines_give_the_same_labels_for_turned_hands(sets, tmp_path):
     found = tmp_path / "found.json"
     folder = sets("turn", GRASPS)
     report = tmp_path / "report.md"
-    assert objects_cli.main([str(folder), "--engine", "all", "--fast", "--json", str(found), "--report", str(report)]) == 0
+    flags = ["--engine", "all", "--fast", "--json", str(found), "--report", str(report)]
+    assert objects_cli.main([str(folder), *flags]) == 0
     result = json.loads(found.read_text())
     assert result["gate_differences"] <= 1 and list(result["passes"]) == ["pybullet, same gate", "mujoco, same gate"]
     for title, one in result["passes"].items():

@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value = "lift", value_parser = test)]
     test: GripTest,
 
-    /// Shares of grasps between points that face each other, along normals, and displaced by up to 30 mm and 30 degrees;
+    /// Shares of grasps between facing points, along normals, and displaced by up to 30 mm and 30 degrees;
     /// or those of acronym or graspdatagen
     #[arg(long, value_name = "A,N,D", default_value = "0.8,0.1,0.1", value_parser = shares)]
     shares: GraspShares,

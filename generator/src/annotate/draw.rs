@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use schema::{GraspSource, Mat3, Pose, Purpose, Quat, Stream, Vec3, along_normal, axis_angle, pose_from_parts};
 use simulator::FloatingWorld;
 
+use super::params::{AnnotateParams, GraspShares};
 use super::surface::{Surface, SurfacePoint};
-use super::{AnnotateParams, GraspShares};
 
 /// What is thinner than this, nobody grasps.
 const WIDTH_M_MIN: f32 = 0.001;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use program::{ExitCode, Failure};
 use schema::Vec3;
 
-use super::Annotated;
+use super::params::Annotated;
 use crate::catalogue::Catalogue;
 use crate::import::{FileState, ImportParams, LeftOut, import_objects, sources};
 use crate::{Config, Overrides};

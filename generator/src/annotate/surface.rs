@@ -70,8 +70,8 @@ impl Surface {
         (!covered).then_some(SurfacePoint { at_m, normal })
     }
 
-    /// Where a line from a point of the surface, going into the object along `inwards`, leaves it: at the other side of a
-    /// wall, and behind a hollow again.
+    /// Where a line from a point of the surface, going into the object along `inwards`, leaves it: at the other side of
+    /// a wall, and behind a hollow again.
     pub(super) fn across(&self, from_m: Vec3, inwards: Vec3) -> Vec<SurfacePoint> {
         let mut inside: Vec<Within> =
             self.parts.iter().filter_map(|planes| within(planes, from_m, inwards)).filter(|w| w.exit_m > 0.0).collect();

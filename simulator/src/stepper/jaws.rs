@@ -17,6 +17,8 @@ pub(super) struct Jaws {
     /// How far each finger can close.
     closed_m_max: [f32; 2],
     closing_speed_m_s: f32,
+    /// No finger closes faster than this.
+    fastest_m_s: f32,
     force_n: f32,
     palm_m: Vec3,
     palm_velocity_m_s: Vec3,
@@ -61,6 +63,7 @@ impl Jaws {
             boxes: [left, right, gripper.palm()],
             closed_m_max,
             closing_speed_m_s: gripper.closing_speed_m_s,
+            fastest_m_s: f32::INFINITY,
             force_n: gripper.finger_force_n,
             palm_m: Vec3::ZERO,
             palm_velocity_m_s: Vec3::ZERO,
@@ -79,6 +82,7 @@ impl Jaws {
             boxes: [point; 3],
             closed_m_max: [0.0; 2],
             closing_speed_m_s: 0.0,
+            fastest_m_s: f32::INFINITY,
             force_n: 0.0,
             palm_m: Vec3::ZERO,
             palm_velocity_m_s: Vec3::ZERO,
@@ -133,6 +137,12 @@ impl Jaws {
         }
     }
 
+    /// From now on no finger closes faster than the hand closes, also where it presses: what slips out from between
+    /// fingers that press may be thinner than their way in a step.
+    pub(super) fn keep_pace(&mut self) {
+        self.fastest_m_s = self.closing_speed_m_s;
+    }
+
     pub(super) fn press(&mut self, asymmetry_at_contact_m: f32) {
         let [left, right] = self.closed_m();
         let pressing_m = 0.5 * (left + right) + self.force_n / GEAR_STIFFNESS_N_M;
@@ -185,7 +195,7 @@ impl Jaws {
             let driven_m_s = speed_m_s + (impulse - finger.impulse) * inverse_mass;
             finger.impulse = impulse;
             let slowest = -travel_m.max(0.0) / substep_s;
-            let fastest = (self.closed_m_max[i] - travel_m).max(0.0) / substep_s;
+            let fastest = ((self.closed_m_max[i] - travel_m).max(0.0) / substep_s).min(self.fastest_m_s);
             let change_m_s = driven_m_s.clamp(slowest, fastest) - speed_m_s;
             finger.velocity_m_s += change_m_s * finger.inward;
         }
