@@ -144,7 +144,7 @@ impl<'a> FloatingWorld<'a> {
             !world.physics.shortcuts,
         );
         stepper.accelerate(Vec3::ZERO, None);
-        stepper.keep_pace();
+        stepper.keep_pace(true);
         let before = Placed::of(&stepper);
         let mut fingers = Stopping::new(world.physics, stepper.closed_m());
         // On a table friction ends what the first touch began; what floats would drift on between two fingers that
@@ -164,6 +164,7 @@ impl<'a> FloatingWorld<'a> {
                 break;
             }
         }
+        stepper.keep_pace(false);
         let [left, right] = stepper.closed_m();
         let asymmetry_m = asymmetry_m.unwrap_or(left - right);
         let after = Placed::of(&stepper);

@@ -240,9 +240,9 @@ impl<'a> Stepper<'a> {
         (self.gravity_m_s2, self.turning) = (gravity_m_s2, turning);
     }
 
-    /// Keeps the fingers from closing faster than the hand does, also where they press.
-    pub(crate) fn keep_pace(&mut self) {
-        self.jaws.keep_pace();
+    /// Whether the fingers close no faster than the hand does, also where they press.
+    pub(crate) fn keep_pace(&mut self, keeps: bool) {
+        self.jaws.keep_pace(keeps);
     }
 
     /// Multiplies the friction of the hand, from the next step on.

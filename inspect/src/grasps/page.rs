@@ -11,9 +11,9 @@ use super::free_share;
 use crate::pictures::spread;
 
 /// Grasps that a page shows, spread over all.
-const SHOWN: usize = 1_500;
+const SHOWN: usize = 200;
 /// Hands in a picture of the grid.
-const PICTURED: usize = 60;
+const PICTURED: usize = 16;
 
 /// An object with its grasps as forks, those that held last. A fork says what is known of its grasp.
 #[must_use]
@@ -118,7 +118,7 @@ pub fn grasps_picture(set: &ObjectGrasps) -> Picture {
 /// # Errors
 /// [`Failure`] if the page cannot be made.
 pub fn grasps_index(pictures: Vec<Picture>) -> Result<String, Failure> {
-    let text = "A picture has up to 60 grasps that held, and leads to its object, which can be turned; there a fork says what is known \
+    let text = "A picture has up to 16 grasps that held, and leads to its object, which can be turned; there a fork says what is known \
                 of its grasp, and each outcome can be hidden.";
     let blocks = vec![Block::Text(text.to_owned()), Block::Legend(vec![Outcome::Held]), Block::Gallery(pictures)];
     let footer = format!("graspmill objects annotate, Graspmill {}", env!("CARGO_PKG_VERSION"));

@@ -137,10 +137,10 @@ impl Jaws {
         }
     }
 
-    /// From now on no finger closes faster than the hand closes, also where it presses: what slips out from between
-    /// fingers that press may be thinner than their way in a step.
-    pub(super) fn keep_pace(&mut self) {
-        self.fastest_m_s = self.closing_speed_m_s;
+    /// Whether from now on no finger closes faster than the hand closes, also where it presses: what slips out from
+    /// between fingers that close may be thinner than their way in a step.
+    pub(super) fn keep_pace(&mut self, keeps: bool) {
+        self.fastest_m_s = if keeps { self.closing_speed_m_s } else { f32::INFINITY };
     }
 
     pub(super) fn press(&mut self, asymmetry_at_contact_m: f32) {
