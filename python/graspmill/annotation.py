@@ -130,4 +130,5 @@ def _set(work: _native.Annotation) -> ObjectGrasps:
 
 
 def _pose(parts: dict[str, Any]) -> NDArray[np.float64]:
-    return _arrays.matrices([[*parts["position_m"], *parts["quaternion_xyzw"]]])[0]
+    pose: NDArray[np.float64] = _arrays.matrices([[*parts["position_m"], *parts["quaternion_xyzw"]]])[0]
+    return pose
