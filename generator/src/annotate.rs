@@ -14,8 +14,8 @@ use core::f32::consts::PI;
 
 use rayon::prelude::*;
 use schema::{
-    GraspSource, GripTest, Margins, ObjectGrasp, ObjectGrasps, Outcome, Physics, Pose, Procedure, Purpose, Quat,
-    StablePose, Stream, Vec3, axis_angle, pose_from_parts,
+    GraspSource, GripTest, Margins, ObjectGrasp, ObjectGrasps, Outcome, Physics, Pose, Procedure, Purpose, StablePose,
+    Stream, Vec3,
 };
 use simulator::{FloatingWorld, Grip, Hold, Load, Motion, Shake};
 
@@ -24,6 +24,7 @@ pub use self::params::{AnnotateParams, Annotated, GraspShares};
 use self::stable::stable_poses;
 use self::surface::Surface;
 use crate::catalogue::CatalogueObject;
+use crate::robustness::moved_by_errors;
 
 /// Grasps are tried this many at a time, on all cores.
 const CHUNK: usize = 1_024;
@@ -55,10 +56,8 @@ pub fn annotate(
     params: &AnnotateParams,
     on_grasps: &mut dyn FnMut(usize) -> bool,
 ) -> Option<ObjectGrasps> {
-    let surface = Surface::of(&annotated.object.body);
-    let bench = Bench::new(annotated, params, &surface);
-    let world = bench.world();
-    let draw = Draw { params, world: &world, surface: &surface, friction: bench.friction };
+    let bench = Bench::new(annotated, params);
+    let draw = bench.draw();
     let mut supply = Supply::new(&draw);
     let mut grasps = Vec::new();
     while grasps.len() < params.grasps {
@@ -67,40 +66,34 @@ pub fn annotate(
         if drawn.is_empty() {
             break;
         }
-        let label = |(number, pose, source): &(u64, Pose, GraspSource)| bench.labelled(&world, *number, *pose, *source);
-        let tried: Vec<Option<ObjectGrasp>> = drawn.par_iter().map(label).collect();
-        grasps.extend(tried.into_iter().flatten());
+        let label = |(number, pose, source): &(u64, Pose, GraspSource)| bench.labelled(*number, *pose, *source);
+        let tried: Vec<ObjectGrasp> = drawn.par_iter().map(label).collect();
+        grasps.extend(tried.into_iter().filter(|grasp| !params.is_held_only || grasp.outcome == Outcome::Held));
         if !on_grasps(grasps.len().min(params.grasps)) {
             return None;
         }
     }
     grasps.truncate(params.grasps);
-    let coverage = bench.coverage(&draw, &grasps);
-    Some(bench.set(grasps, coverage))
+    Some(bench.set(grasps))
 }
 
 /// Labels given grasps of an object, in their order; poses are in the frame in which grasps are given.
 #[must_use]
 pub fn relabel(annotated: &Annotated, params: &AnnotateParams, object_from_grasps: &[Pose]) -> ObjectGrasps {
-    let params = &AnnotateParams { is_held_only: false, ..params.clone() };
-    let surface = Surface::of(&annotated.object.body);
-    let bench = Bench::new(annotated, params, &surface);
-    let world = bench.world();
-    let draw = Draw { params, world: &world, surface: &surface, friction: bench.friction };
+    let bench = Bench::new(annotated, params);
     let label = |(number, pose): (usize, &Pose)| {
         let in_body = Pose::from_parts(pose.translation - annotated.origin_m, pose.rotation);
-        bench.labelled(&world, number as u64, in_body, GraspSource::Given)
+        bench.labelled(number as u64, in_body, GraspSource::Given)
     };
-    let grasps: Vec<ObjectGrasp> = object_from_grasps.par_iter().enumerate().filter_map(label).collect();
-    let coverage = bench.coverage(&draw, &grasps);
-    bench.set(grasps, coverage)
+    bench.set(object_from_grasps.par_iter().enumerate().map(label).collect())
 }
 
 /// Everything that labels the grasps of one object.
 struct Bench<'a> {
     annotated: &'a Annotated,
     params: &'a AnnotateParams,
-    surface: &'a Surface,
+    surface: Surface,
+    world: FloatingWorld<'a>,
     loads: Vec<Load>,
     stable: Vec<StablePose>,
     /// Of a contact between finger and object.
@@ -113,20 +106,26 @@ pub static PHYSICS: Physics = Physics::STANDARD;
 pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0005, ..Procedure::PAPER };
 
 impl<'a> Bench<'a> {
-    fn new(annotated: &'a Annotated, params: &'a AnnotateParams, surface: &'a Surface) -> Self {
-        let stable = stable_poses(&annotated.object, params.seed, params.drops);
-        let friction = params.gripper.friction * annotated.object.friction;
-        Self { annotated, params, surface, loads: loads(params), stable, friction }
+    fn new(annotated: &'a Annotated, params: &'a AnnotateParams) -> Self {
+        let CatalogueObject { body, mass_kg, friction, .. } = &annotated.object;
+        Self {
+            annotated,
+            params,
+            surface: Surface::of(body),
+            world: FloatingWorld::new(&PHYSICS, &params.gripper, &PROCEDURE, (body, *mass_kg, *friction)),
+            loads: loads(params),
+            stable: stable_poses(&annotated.object, params.seed, params.drops),
+            friction: params.gripper.friction * friction,
+        }
     }
 
-    fn world(&self) -> FloatingWorld<'a> {
-        let CatalogueObject { body, mass_kg, friction, .. } = &self.annotated.object;
-        FloatingWorld::new(&PHYSICS, &self.params.gripper, &PROCEDURE, (body, *mass_kg, *friction))
+    fn draw(&self) -> Draw<'_> {
+        Draw { params: self.params, world: &self.world, surface: &self.surface, friction: self.friction }
     }
 
-    /// A grasp with everything that is asked about it; `None` if only those that hold are kept and it does not.
-    fn labelled(&self, world: &FloatingWorld<'_>, number: u64, pose: Pose, source: GraspSource) -> Option<ObjectGrasp> {
-        let closed = world.close(&pose);
+    /// A grasp with everything that is asked about it.
+    fn labelled(&self, number: u64, pose: Pose, source: GraspSource) -> ObjectGrasp {
+        let closed = self.world.close(&pose);
         let mut grasp = ObjectGrasp {
             object_from_grasp: self.given(&pose),
             source,
@@ -152,15 +151,12 @@ impl<'a> Bench<'a> {
                 if is_held {
                     grasp.outcome = Outcome::Held;
                     grasp.margins = self.params.margins.then(|| self.margins(grip));
-                    grasp.robust_share = self.robust_share(world, number, &pose);
+                    grasp.robust_share = self.robust_share(number, &pose);
                 }
             }
         }
-        if self.params.is_held_only && grasp.outcome != Outcome::Held {
-            return None;
-        }
         grasp.is_free_on_table = self.stable.iter().map(|stable| self.is_free(stable, &pose)).collect();
-        Some(grasp)
+        grasp
     }
 
     /// A pose in the frame in which grasps are given.
@@ -224,15 +220,12 @@ impl<'a> Bench<'a> {
     }
 
     /// The share of the moved repeats that hold.
-    fn robust_share(&self, world: &FloatingWorld<'_>, number: u64, pose: &Pose) -> Option<f32> {
+    fn robust_share(&self, number: u64, pose: &Pose) -> Option<f32> {
         let AnnotateParams { repeats, position_error_m, rotation_error_rad, seed, .. } = *self.params;
         let held = (0..repeats).filter(|repeat| {
             let mut stream = Stream::new(seed, number, Purpose::Annotation, 2 + repeat);
-            let mut draw = |deviation: f32| Vec3::from_array([(); 3].map(|()| stream.normal(0.0, deviation)));
-            let (moved_m, turned) = (draw(position_error_m), draw(rotation_error_rad));
-            let turn = turned.try_normalize().map_or(Quat::IDENTITY, |axis| axis_angle(axis, turned.length()));
-            let moved = pose_from_parts((turn * pose.rotation).normalize(), pose.translation + moved_m);
-            world.close(&moved).is_ok_and(|grip| self.bears(&grip).0)
+            let moved = moved_by_errors(pose, position_error_m, rotation_error_rad, &mut stream);
+            self.world.close(&moved).is_ok_and(|grip| self.bears(&grip).0)
         });
         let held = held.count() as f32;
         (repeats > 0).then(|| held / repeats as f32)
@@ -246,7 +239,8 @@ impl<'a> Bench<'a> {
         swept.iter().all(|b| b.lowest_z_m(&table_from_grasp) >= 0.0)
     }
 
-    fn coverage(&self, draw: &Draw<'_>, grasps: &[ObjectGrasp]) -> Option<f32> {
+    fn coverage(&self, grasps: &[ObjectGrasp]) -> Option<f32> {
+        let draw = self.draw();
         let held = grasps.iter().filter(|grasp| grasp.outcome == Outcome::Held);
         let contacts_m: Vec<Vec3> = held.flat_map(|grasp| grasp.contacts_m).flatten().collect();
         let is_near = |at_m: Vec3| contacts_m.iter().any(|contact_m| (at_m - *contact_m).length() <= COVERED_M);
@@ -261,7 +255,7 @@ impl<'a> Bench<'a> {
         (!graspable.is_empty()).then(|| near as f32 / graspable.len() as f32)
     }
 
-    fn set(&self, grasps: Vec<ObjectGrasp>, coverage: Option<f32>) -> ObjectGrasps {
+    fn set(&self, grasps: Vec<ObjectGrasp>) -> ObjectGrasps {
         let Annotated { object, file, scale_m, origin_m } = self.annotated;
         let given = |stable: &StablePose| {
             let translation = stable.table_from_object.translation - stable.table_from_object.rotation * *origin_m;
@@ -278,9 +272,9 @@ impl<'a> Bench<'a> {
             friction: object.friction,
             extents_m: object.body.extents_m(),
             parts: object.body.polyhedra().iter().map(|part| part.moved(&Pose::from_translation(*origin_m))).collect(),
-            centre_of_mass_m: self.world().centre_of_mass_m() + *origin_m,
+            centre_of_mass_m: self.world.centre_of_mass_m() + *origin_m,
+            coverage: self.coverage(&grasps),
             grasps,
-            coverage,
             stable_poses: self.stable.iter().map(given).collect(),
         }
     }
@@ -322,7 +316,7 @@ mod tests {
     use core::f32::consts::FRAC_PI_2;
 
     use rayon::ThreadPoolBuilder;
-    use schema::{ShapeKind, Solid};
+    use schema::{ShapeKind, Solid, axis_angle};
     use simulator::{Body, Compound, Part, PartShape};
 
     use super::*;

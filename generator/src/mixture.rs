@@ -156,15 +156,20 @@ pub(crate) fn displaced(config: &Config, attempts: &[AttemptRecord], count: usiz
     (0..count)
         .map(|number| {
             let AttemptRecord { rule, object_id, workspace_from_grasp, .. } = from[number % from.len()];
-            let axis = stream.rotation() * Vec3::Z;
-            let turn_rad = stream.uniform(0.0, TURN_RAD_MAX);
-            let turn = axis_angle(axis, if number < shifted { 0.0 } else { turn_rad });
-            let moved_m = stream.rotation() * Vec3::new(0.0, 0.0, stream.uniform(0.0, MOVE_M_MAX));
-            let rotation = (turn * workspace_from_grasp.rotation).normalize();
-            let pose = pose_from_parts(rotation, workspace_from_grasp.translation + moved_m);
+            let pose = displaced_grasp(workspace_from_grasp, number >= shifted, &mut stream);
             Candidate::undrawn(Rule { approach: Approach::Displaced, ..*rule }, *object_id as usize, pose)
         })
         .collect()
+}
+
+/// A grasp that is moved by up to [`MOVE_M_MAX`] and, if `is_turned`, turned by up to [`TURN_RAD_MAX`] about its own
+/// origin.
+pub(crate) fn displaced_grasp(grasp: &Pose, is_turned: bool, stream: &mut Stream) -> Pose {
+    let axis = stream.rotation() * Vec3::Z;
+    let turn_rad = stream.uniform(0.0, TURN_RAD_MAX);
+    let turn = axis_angle(axis, if is_turned { turn_rad } else { 0.0 });
+    let moved_m = stream.rotation() * Vec3::new(0.0, 0.0, stream.uniform(0.0, MOVE_M_MAX));
+    pose_from_parts((turn * grasp.rotation).normalize(), grasp.translation + moved_m)
 }
 
 #[cfg(test)]

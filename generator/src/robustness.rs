@@ -76,19 +76,26 @@ impl<'a> Repeats<'a> {
         let mut stream = Stream::new(self.seed, self.scene_id, Purpose::Robustness, 1 + attempt.attempt_id);
         let target = attempt.object_id as usize;
         let held = self.worlds.iter().filter(|world| {
-            let moved = self.moved(&attempt.workspace_from_grasp, &mut stream);
+            let RobustnessParams { position_error_m, rotation_error_rad, .. } = *self.params;
+            let moved =
+                moved_by_errors(&attempt.workspace_from_grasp, position_error_m, rotation_error_rad, &mut stream);
             world.execute(&moved, target).outcome.label() == 1
         });
         Some(held.count() as f32 / self.worlds.len() as f32)
     }
+}
 
-    fn moved(&self, workspace_from_grasp: &Pose, stream: &mut Stream) -> Pose {
-        let mut draw = |deviation: f32| Vec3::from_array([(); 3].map(|()| stream.normal(0.0, deviation)));
-        let (moved_m, turned) = (draw(self.params.position_error_m), draw(self.params.rotation_error_rad));
-        let turn = turned.try_normalize().map_or(schema::Quat::IDENTITY, |axis| axis_angle(axis, turned.length()));
-        let rotation = (turn * workspace_from_grasp.rotation).normalize();
-        pose_from_parts(rotation, workspace_from_grasp.translation + moved_m)
-    }
+/// A grasp that is not reached exactly: normal errors of these standard deviations along and about each axis.
+pub(crate) fn moved_by_errors(
+    grasp: &Pose,
+    position_error_m: f32,
+    rotation_error_rad: f32,
+    stream: &mut Stream,
+) -> Pose {
+    let mut draw = |deviation: f32| Vec3::from_array([(); 3].map(|()| stream.normal(0.0, deviation)));
+    let (moved_m, turned) = (draw(position_error_m), draw(rotation_error_rad));
+    let turn = turned.try_normalize().map_or(schema::Quat::IDENTITY, |axis| axis_angle(axis, turned.length()));
+    pose_from_parts((turn * grasp.rotation).normalize(), grasp.translation + moved_m)
 }
 
 #[cfg(test)]

@@ -7,12 +7,12 @@ import os
 from typing import Any, Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import _arrays, _native
 from .errors import InputError
 from .grippers import GripperLike
-from .object_grasps import ObjectGrasps
+from .object_grasps import ObjectGrasps, stable_pose
 from .scene import OUTCOMES, Object, _simulation
 
 #: Sources of grasps, by their numbers.
@@ -98,7 +98,7 @@ def _set(work: _native.Annotation) -> ObjectGrasps:
     info: dict[str, Any] = json.loads(work.info())
     numbers = work.numbers().astype(np.float64)
     sources, outcomes = work.words()
-    stable = [(float(one["probability"]), _pose(one)) for one in info["stable_poses"]]
+    stable = [stable_pose(one) for one in info["stable_poses"]]
     weights = np.array([probability for probability, _ in stable])
     free = work.free_on_table()
     shares = free @ weights / weights.sum() if weights.sum() > 0 else np.full(len(numbers), np.nan)
@@ -127,8 +127,3 @@ def _set(work: _native.Annotation) -> ObjectGrasps:
         base_to_tips_m=info["base_to_tips_m"],
         info=info,
     )
-
-
-def _pose(parts: dict[str, Any]) -> NDArray[np.float64]:
-    pose: NDArray[np.float64] = _arrays.matrices([[*parts["position_m"], *parts["quaternion_xyzw"]]])[0]
-    return pose

@@ -365,7 +365,7 @@ def _of_columns(columns: Mapping[str, Any], info: dict[str, Any]) -> dict[str, A
         key: np.stack([column(name.format(side, axis)) for side in ("left", "right") for axis in "xyz"], axis=1)
         for key, name in (("contacts_m", "{}_{}_m"), ("normals", "{}_normal_{}"))
     }
-    stable = [_stable_pose(one) for one in _arrays.listed("stable_poses", info.get("stable_poses", []))]
+    stable = [stable_pose(one) for one in _arrays.listed("stable_poses", info.get("stable_poses", []))]
     if (free := column("free_on_table")).dtype.kind not in "iu":
         raise InputError(f"free_on_table must be whole numbers, got {free.dtype}")
     bits = free.astype(np.uint64)[:, None] >> np.arange(len(stable), dtype=np.uint64)
@@ -386,7 +386,8 @@ def _of_columns(columns: Mapping[str, Any], info: dict[str, Any]) -> dict[str, A
     }
 
 
-def _stable_pose(value: object) -> tuple[float, Numbers]:
+def stable_pose(value: object) -> tuple[float, Numbers]:
+    """A stable pose of ``NAME.json``: its probability, and ``table_from_object``."""
     pose = table("stable_poses", value)
     position_m = numbers("stable_poses.position_m", entry("stable_poses.position_m", pose), (3,))
     turned = numbers("stable_poses.quaternion_xyzw", entry("stable_poses.quaternion_xyzw", pose), (4,))

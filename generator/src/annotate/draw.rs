@@ -1,7 +1,7 @@
 //! Grasps of an object alone, before anybody tried them: numbered, each a pure function of the seed and its number, and
 //! the first so many of them spread over the object, however many are wanted.
 
-use core::f32::consts::{FRAC_PI_6, TAU};
+use core::f32::consts::TAU;
 use std::collections::VecDeque;
 
 use rayon::prelude::*;
@@ -10,6 +10,7 @@ use simulator::FloatingWorld;
 
 use super::params::{AnnotateParams, GraspShares};
 use super::surface::{Surface, SurfacePoint};
+use crate::mixture::displaced_grasp;
 
 /// What is thinner than this, nobody grasps.
 const WIDTH_M_MIN: f32 = 0.001;
@@ -19,9 +20,6 @@ const DEPTH_M_MIN: f32 = 0.003;
 const ROOM_M: f32 = 0.001;
 /// VGN's: tips are between −ε and 1 + ε finger lengths behind a point.
 const DEPTH_SHARE: f32 = 0.1;
-/// As displaced hands of scenes.
-const MOVE_M_MAX: f32 = 0.03;
-const TURN_RAD_MAX: f32 = FRAC_PI_6;
 /// Sides from which the open hand may try to come to two points.
 const APPROACHES: u32 = 6;
 /// The same where the question is whether it can come at all.
@@ -57,7 +55,7 @@ impl Draw<'_> {
             GraspSource::Displaced => {
                 let pose = self.antipodal(number, &mut stream)?;
                 let mut stream = Stream::new(self.params.seed, number, Purpose::Annotation, 1);
-                Some(displaced_by(&pose, MOVE_M_MAX, TURN_RAD_MAX, &mut stream))
+                Some(displaced_grasp(&pose, true, &mut stream))
             }
             GraspSource::Antipodal | GraspSource::Given => self.antipodal(number, &mut stream),
         }
@@ -208,14 +206,6 @@ impl Drawn {
             self.ready.extend(more);
         }
     }
-}
-
-/// A pose that is moved by up to so much, and turned about its own origin.
-fn displaced_by(pose: &Pose, move_m_max: f32, turn_rad_max: f32, stream: &mut Stream) -> Pose {
-    let axis = stream.rotation() * Vec3::Z;
-    let turn = axis_angle(axis, stream.uniform(0.0, turn_rad_max));
-    let moved_m = stream.rotation() * Vec3::new(0.0, 0.0, stream.uniform(0.0, move_m_max));
-    pose_from_parts((turn * pose.rotation).normalize(), pose.translation + moved_m)
 }
 
 /// The hand that closes along a direction, its approach turned about it.

@@ -5,7 +5,7 @@ use program::text::{grouped, percent};
 use report::document::{Block, Document, Drawing, Picture};
 use report::picture::{Hand, Scene, svg};
 use report::view::{Body, Class, Line, View};
-use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, Vec3};
+use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
 
 use super::free_share;
 use crate::pictures::spread;
@@ -81,12 +81,8 @@ pub fn grasps_picture(set: &ObjectGrasps) -> Picture {
     let held: Vec<&ObjectGrasp> = set.held().collect();
     let numbers: Vec<u64> = (0..held.len() as u64).collect();
     let size_m = 2.0 * set.extents_m.length().max(set.gripper.opening_m_max);
-    let middle_m = set
-        .parts
-        .iter()
-        .flat_map(|part| part.corners_m())
-        .fold([Vec3::MAX, Vec3::MIN], |[low, high], corner| [low.min(*corner), high.max(*corner)]);
-    let middle_m = 0.5 * (middle_m[0] + middle_m[1]);
+    let [low_m, high_m] = bounds_m(set.parts.iter().flat_map(|part| part.corners_m()));
+    let middle_m = 0.5 * (low_m + high_m);
     let lift_m = Vec3::new(0.5 * size_m, 0.5 * size_m, 0.5 * set.extents_m.length()) - middle_m;
     let placed = |pose: &Pose| Pose::from_parts(pose.translation + lift_m, pose.rotation);
     let hand = |number: u64| {
