@@ -10,6 +10,18 @@ use schema::Vec3;
 /// Most cubes along a side: wide clouds get wider cubes.
 const SIDE_MAX: f32 = 128.0;
 
+/// Of each point, whether one of `of_m` is within a radius. All must be finite.
+#[must_use]
+pub fn near(points_m: &[Vec3], of_m: &[Vec3], radius_m: f32) -> Vec<bool> {
+    let cells = Cells::new(of_m, radius_m);
+    let is_near =
+        |point_m: &Vec3, index: u32| (of_m[index as usize] - *point_m).length_squared() <= radius_m * radius_m;
+    let is_one_near = |point_m: &Vec3| {
+        cells.around(*point_m).any(|cube| cells.points(cube).iter().any(|index| is_near(point_m, *index)))
+    };
+    points_m.iter().map(is_one_near).collect()
+}
+
 /// Points in cubes.
 #[derive(Debug, Clone)]
 pub(crate) struct Cells {

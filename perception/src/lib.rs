@@ -42,6 +42,7 @@ mod tsdf;
 mod views;
 
 pub use blocks::{Field, SurfaceBlocks, mean_distance};
+pub use cells::near;
 pub use cloud_view::{NEAR_M, cloud_image, view_from};
 pub use clusters::{ClusterParams, clusters};
 pub use level::{TableArea, scaled_to_table, table_around};

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use perception::near;
 use schema::{Gripper, HandBox, Plane, Pose, Vec3};
 
 use crate::hand::HandVolume;
@@ -12,6 +13,8 @@ use crate::plan::{Limit, PointLabel, SegmentedCloud};
 const SAME_M: f32 = 0.015;
 /// The object of a target point is the one with a point of its surface within this.
 const TARGET_NEAR_M: f32 = 0.05;
+/// A point of the surface is a target's if one of its points is within this: what separates the points of a thin cloud.
+const TARGET_POINT_M: f32 = 0.006;
 /// Points no higher than this over the table belong to no object.
 const TABLE_M: f32 = 0.004;
 /// What is between the fingers reaches this far beyond the tips and beside the fingers.
@@ -140,6 +143,14 @@ pub(crate) fn seen_points(points_m: &[Vec3], views: &[View], masks: &[Option<Mas
     let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
     let (target, others) = off_table.partition(is_target);
     [target, others]
+}
+
+/// The points of a surface off the table that are a target's, by points of it, and the others.
+pub(crate) fn near_points(points_m: &[Vec3], target_m: &[Vec3], table_z_m: f32) -> [Vec<Vec3>; 2] {
+    let off_table: Vec<Vec3> = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M).collect();
+    let is_near = near(&off_table, target_m, TARGET_POINT_M);
+    let of = |wanted: bool| off_table.iter().zip(&is_near).filter(move |(_, is)| **is == wanted).map(|(at, _)| *at);
+    [of(true).collect(), of(false).collect()]
 }
 
 /// The points of the object at a point, and those of everything else but the table. Without an object near it there are

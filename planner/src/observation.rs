@@ -122,13 +122,16 @@ impl PlanOptions {
         self.workspace_from_wrist.unwrap_or(WRIST_DOWN)
     }
 
-    /// The options where the table was found: failed hands were given in the first camera's frame, and the base's may
-    /// be known by it.
+    /// The options where the table was found: failed hands and a target's points were given in the first camera's
+    /// frame, and the base's may be known by it.
     pub(crate) fn seen_from(&self, workspace_from_first: Pose) -> Self {
         let avoid = self.avoid.iter().map(|failed| workspace_from_first * *failed).collect();
         let moved = |ball: &Ball| Ball { centre_m: workspace_from_first * ball.centre_m, ..*ball };
         let avoid_objects = self.limits.avoid_objects.iter().map(moved).collect();
-        let limits = Limits { avoid_objects, ..self.limits.clone() };
+        let mut limits = Limits { avoid_objects, ..self.limits.clone() };
+        if let Some(Target::Points(points_m)) = &mut limits.target {
+            points_m.iter_mut().for_each(|at_m| *at_m = workspace_from_first * *at_m);
+        }
         let base_from_camera = self.find_table.and_then(|wanted| wanted.base_from_camera);
         let base_from_workspace = base_from_camera.map(|base| base * workspace_from_first.inverse());
         Self { avoid, limits, base_from_workspace, ..self.clone() }
@@ -218,4 +221,6 @@ pub enum Target {
     Point(Vec3),
     /// What these pixels show: for each view of the observation a mask of its image, row by row, or none.
     Masks(Vec<Option<Mask>>),
+    /// What these points of its surface are on, in metres, in the frame of the observation.
+    Points(Vec<Vec3>),
 }

@@ -14,7 +14,7 @@ use crate::frame::{self, FoundTable};
 use crate::hand::HandVolume;
 use crate::input::{InputError, read_file, refuse};
 use crate::judge::JudgeMethod;
-use crate::limits::{Limiter, WillDo, object_points, seen_points};
+use crate::limits::{Limiter, WillDo, near_points, object_points, seen_points};
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::{Mask, Observation, PlanOptions, Target, View};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, SegmentedCloud};
@@ -202,6 +202,9 @@ impl Planner {
             (Some(Target::Masks(masks)), Observation::Views(views)) => {
                 must_fit(masks, views)?;
                 Some(seen_points(&volume.points_m, views, masks, self.grid.table_z_m))
+            }
+            (Some(Target::Points(target_m)), _) => {
+                Some(near_points(&volume.points_m, target_m, volume.grid.lattice.table_z_m))
             }
             (Some(Target::Masks(_)), _) => return refuse("masks go with views: mask"),
         };

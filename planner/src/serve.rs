@@ -1,5 +1,5 @@
 //! The planner over HTTP, for robot stacks without Rust: `POST /v1/plan` takes the input of `graspmill plan` and
-//! returns its output.
+//! returns its output; `POST /predict` takes an object's cloud and answers as other grasp servers do.
 //!
 //! No client may stop or exhaust the service: bodies, waiting requests, connections and times are limited, and a panic
 //! costs one answer. The service has neither TLS nor authentication and belongs on loopback.
@@ -41,10 +41,11 @@ mod model;
 mod openapi;
 mod options;
 mod planning;
+mod predict;
 #[cfg(test)]
 mod tests;
 
-pub use self::options::ServeOptions;
+pub use self::options::{GraspFrame, ServeOptions};
 
 /// Maximum number of open connections; further ones wait in the system's queue.
 const CONNECTIONS_MAX: u32 = 256;
@@ -55,10 +56,19 @@ const FAREWELL: Duration = Duration::from_secs(2);
 
 type PlanBytes = dyn Fn(&[u8]) -> Result<Planned, Fault> + Send + Sync;
 
+/// What the planner answers.
+struct Work {
+    /// Bodies of `/v1/plan`.
+    plan: Box<PlanBytes>,
+    /// Bodies of `/predict`.
+    predict: Box<PlanBytes>,
+    model_json: String,
+    config_json: String,
+}
+
 /// State shared by the handlers.
 struct Shared {
-    plan: Box<PlanBytes>,
-    model_json: String,
+    work: Work,
     options: ServeOptions,
     metrics: Metrics,
     stopping: AtomicBool,
@@ -69,11 +79,10 @@ struct Shared {
 }
 
 impl Shared {
-    fn new(plan: Box<PlanBytes>, model_json: String, options: &ServeOptions) -> Arc<Self> {
+    fn new(work: Work, options: &ServeOptions) -> Arc<Self> {
         let turns = usize::from(options.concurrent);
         Arc::new(Self {
-            plan,
-            model_json,
+            work,
             options: options.clone(),
             metrics: Metrics::new(),
             stopping: AtomicBool::new(false),
@@ -100,9 +109,17 @@ pub fn serve(
 ) -> Result<(), Failure> {
     // Strings and finite numbers always serialize.
     let model_json = serde_json::to_string(&model::ModelAnswer::new(&planner)).unwrap_or_default();
-    let planners = Planners::new(planner);
-    let plan = Box::new(move |body: &[u8]| planning::plan_bytes(&planners, body));
-    serve_shared(&Shared::new(plan, model_json, options), stop, on_listening)
+    let config_json =
+        serde_json::to_string(&predict::ConfigAnswer::new(&planner, options.grasp_frame)).unwrap_or_default();
+    let planners = Arc::new(Planners::new(planner));
+    let (same, frame) = (Arc::clone(&planners), options.grasp_frame);
+    let work = Work {
+        plan: Box::new(move |body| planning::plan_bytes(&planners, body)),
+        predict: Box::new(move |body| predict::predict_bytes(&same.own, frame, body)),
+        model_json,
+        config_json,
+    };
+    serve_shared(&Shared::new(work, options), stop, on_listening)
 }
 
 fn routes(shared: &Arc<Shared>) -> Router {
@@ -110,6 +127,9 @@ fn routes(shared: &Arc<Shared>) -> Router {
     Router::new()
         .route("/v1/plan", post(handlers::plan))
         .route("/v1/model", get(handlers::model))
+        .route("/predict", post(handlers::predict))
+        .route("/config", get(handlers::config))
+        .route("/version", get(handlers::version))
         .route("/healthz", get(handlers::healthz))
         .route("/readyz", get(handlers::readyz))
         .route("/metrics", get(handlers::metrics))
@@ -129,7 +149,7 @@ async fn observe(State(shared): State<Arc<Shared>>, request: Request, next: Next
     let started = Instant::now();
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     let _in_flight = InFlight::new(&shared.metrics.in_flight);
-    let response = fault::as_json(next.run(request).await, &shared.options);
+    let response = fault::as_json(next.run(request).await, &shared.options, path == "/predict");
     let status = response.status();
     shared.metrics.answered(&path, status);
     let ms = started.elapsed().as_secs_f64() * 1e3;

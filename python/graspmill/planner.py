@@ -398,6 +398,7 @@ class Planner(Immutable):
         self,
         points_m: ArrayLike,
         *,
+        object_m: ArrayLike | None = None,
         eyes_m: ArrayLike | None = None,
         workspace_from_cloud: ArrayLike | Literal["table"] | None = None,
         **options: Unpack[PlanOptions],
@@ -406,6 +407,8 @@ class Planner(Immutable):
 
         Args:
             points_m: ``[N, 3]`` in metres; points outside the workspace are dropped.
+            object_m: ``[M, 3]``, the points of what to grasp, in the cloud's frame; the cloud has the rest of the scene, and may have
+                them, too. By default anything is grasped.
             eyes_m: ``[M, 3]``, positions of the sensors in the cloud's frame; by default straight above or, of a cloud in another
                 frame than the workspace, its origin.
             workspace_from_cloud: The cloud's frame in the workspace, ``[4, 4]``, ``[7]`` or ``[3]``; by default the same. Or
@@ -416,12 +419,21 @@ class Planner(Immutable):
         eyes = np.empty((0, 3), np.float32) if eyes_m is None else _arrays.floats("eyes_m", eyes_m, (None, 3))
         if len(eyes) > 32:
             raise InputError(f"eyes_m must be at most 32, got {len(eyes)}")
+        thing = np.empty((0, 3), np.float32)
+        if object_m is not None:
+            if options.get("target_m") is not None:
+                raise InputError("object_m and target_m must not both be given")
+            thing = _arrays.floats("object_m", object_m, (None, 3), " (x, y, z)")
+            thing = thing[np.isfinite(thing).all(axis=1)]
+            if not len(thing):
+                raise InputError("object_m must have a finite point, got none")
         finds_table = isinstance(workspace_from_cloud, str) and workspace_from_cloud == "table"
         if workspace_from_cloud is not None and not finds_table:
             pose = _arrays.matrices([_arrays.pose("workspace_from_cloud", workspace_from_cloud)])[0]
             eyes = eyes if len(eyes) else np.zeros((1, 3), np.float32)
-            points, eyes = ((part @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32) for part in (points, eyes))
-        return _planned(self._native.plan_cloud, points, eyes, _checked(options, finds_table))
+            parts = (points, eyes, thing)
+            points, eyes, thing = ((part @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32) for part in parts)
+        return _planned(self._native.plan_cloud, points, eyes, thing, _checked(options, finds_table))
 
     @_with_options
     def plan_tsdf(self, tsdf: ArrayLike, **options: Unpack[PlanOptions]) -> Plan:

@@ -161,25 +161,27 @@ impl Planner {
         self.plan(py, Observation::Views(views), options, (is_asked, warnings))
     }
 
-    /// A plan from a cloud, `[N, 3]` in the workspace, seen from `[M, 3]`, in metres.
+    /// A plan from a cloud, `[N, 3]` in the workspace, seen from `[M, 3]`, of the object with these points or, if there
+    /// are none, of anything, in metres.
     fn plan_cloud(
         &self,
         py: Python<'_>,
         points_m: PyReadonlyArray2<'_, f32>,
         eyes_m: PyReadonlyArray2<'_, f32>,
+        object_m: PyReadonlyArray2<'_, f32>,
         request: Request,
     ) -> PyResult<Planned> {
-        room(PLAN_BYTES + POINT_BYTES * points_m.as_array().nrows())?;
+        room(PLAN_BYTES + POINT_BYTES * (points_m.as_array().nrows() + object_m.as_array().nrows()))?;
         let points = |rows: &PyReadonlyArray2<'_, f32>| -> Vec<Vec3> {
             rows.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect()
         };
-        let (is_asked, options) = (request.accept.is_some(), request.options()?);
-        self.plan(
-            py,
-            Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) },
-            options,
-            (is_asked, Vec::new()),
-        )
+        let (is_asked, mut options) = (request.accept.is_some(), request.options()?);
+        let (mut points_m, object_m) = (points(&points_m), points(&object_m));
+        points_m.extend(&object_m);
+        if !object_m.is_empty() {
+            options.limits.target = Some(Target::Points(object_m));
+        }
+        self.plan(py, Observation::Cloud { points_m, eyes_m: points(&eyes_m) }, options, (is_asked, Vec::new()))
     }
 
     /// A plan from a TSDF in VGN's values, flat.

@@ -19,7 +19,7 @@ from jsonschema import Draft202012Validator
 from planner_service import DEMO, JSON, PLANNER, ROOT
 from planner_service import check_error, demo_request, file_of, matrix, metrics, npy, png, running, seen
 
-PATHS = {"/v1/plan", "/v1/model", "/healthz", "/readyz", "/metrics", "/openapi.json"}
+PATHS = {"/v1/plan", "/v1/model", "/predict", "/config", "/version", "/healthz", "/readyz", "/metrics", "/openapi.json"}
 
 
 @pytest.fixture(scope="module")

@@ -63,6 +63,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     cloud: Option<PathBuf>,
 
+    /// Cloud of what to grasp, in the frame of --cloud, which has the rest of the scene
+    #[arg(long, value_name = "FILE", requires = "cloud", conflicts_with = "target")]
+    object: Option<PathBuf>,
+
     /// The cloud's frame in the workspace, or table: it is in its camera's frame, and the workspace is put on the table
     #[arg(long, value_name = "table|POSE", requires = "cloud", value_parser = place, allow_hyphen_values = true)]
     workspace_from_cloud: Option<PlaceInput>,
@@ -254,6 +258,7 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     let source = |path: &PathBuf| SourceInput::Path(path.to_string_lossy().into_owned());
     input.tsdf = arguments.tsdf.as_ref().map(source).or(input.tsdf.take());
     input.cloud = arguments.cloud.as_ref().map(source).or(input.cloud.take());
+    input.object = arguments.object.as_ref().map(source).or(input.object.take());
     input.eyes_m = Some(arguments.eye.clone()).filter(|eyes| !eyes.is_empty()).or(input.eyes_m.take());
     input.workspace_from_cloud = arguments.workspace_from_cloud.clone().or(input.workspace_from_cloud.take());
     input.down = arguments.down.or(input.down);

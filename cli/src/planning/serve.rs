@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use clap::{Args, value_parser};
-use planner::serve::{ServeOptions, serve};
+use planner::serve::{GraspFrame, ServeOptions, serve};
 use program::{Context, ExitCode, Failure, print, print_error, stop_on_signals};
 
 use super::NetworkArguments;
@@ -40,8 +40,18 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = value_parser!(u16).range(0..=1024))]
     queue: u16,
 
+    /// Axes of the grasps of /predict: dexgraspnet2 (x approaches, y closes), graspgenx (z approaches, x closes) or
+    /// tcp_z_approach (z approaches, y closes); their origin is between the finger tips
+    #[arg(long, value_name = "NAME", default_value = "dexgraspnet2", value_parser = frame)]
+    grasp_frame: GraspFrame,
+
     #[command(flatten)]
     network: NetworkArguments,
+}
+
+fn frame(name: &str) -> Result<GraspFrame, String> {
+    GraspFrame::from_name(name)
+        .ok_or_else(|| format!("must be one of {}", GraspFrame::ALL.map(GraspFrame::name).join(", ")))
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
@@ -55,6 +65,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         concurrent: arguments.concurrent,
         queue: arguments.queue,
         silence_max: Duration::from_secs(10),
+        grasp_frame: arguments.grasp_frame,
     };
     let on_first = || print_error("stopping after the plans under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;

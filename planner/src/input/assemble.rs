@@ -62,17 +62,23 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
             seen
         }),
         (None, Some(tsdf), None) => assembly.read(tsdf, "tsdf", |bytes| read_tsdf(bytes, grid)).map(Observation::Tsdf),
-        (None, None, Some(cloud)) => assembly.cloud(cloud),
+        (None, None, Some(cloud)) => assembly.cloud(cloud).map(|(seen, object_m)| {
+            options.limits.target = object_m.map(Target::Points).or_else(|| options.limits.target.take());
+            seen
+        }),
         (views, tsdf, cloud) => {
             let given = [views.is_some(), tsdf.is_some(), cloud.is_some()].into_iter().filter(|is| *is).count();
             refuse(format!("a request must have exactly one of views, tsdf and cloud, got {given}"))
         }
     }?;
-    if input.eyes_m.is_some() && input.cloud.is_none() {
-        return refuse("eyes_m goes with cloud: eyes_m");
-    }
-    if input.workspace_from_cloud.is_some() && input.cloud.is_none() {
-        return refuse("workspace_from_cloud goes with cloud: workspace_from_cloud");
+    for (key, is_given) in [
+        ("eyes_m", input.eyes_m.is_some()),
+        ("object", input.object.is_some()),
+        ("workspace_from_cloud", input.workspace_from_cloud.is_some()),
+    ] {
+        if is_given && input.cloud.is_none() {
+            return refuse(format!("{key} goes with cloud: {key}"));
+        }
     }
     if input.intrinsics.is_some() && input.views.is_none() {
         return refuse("intrinsics goes with views: intrinsics");
@@ -252,22 +258,37 @@ impl Assembly<'_> {
         Ok((workspace_from_target * target_from_camera, key))
     }
 
-    fn cloud(&mut self, cloud: &SourceInput) -> Result<Observation, InputError> {
+    /// The cloud with its object, and the points of that.
+    fn cloud(&mut self, cloud: &SourceInput) -> Result<(Observation, Option<Vec<Vec3>>), InputError> {
         let eye = |(number, xyz): (usize, &[f64; 3])| point(*xyz, &format!("eyes_m[{number}]"));
         let eyes = |rows: &Vec<[f64; 3]>| rows.iter().enumerate().map(eye).collect::<Result<Vec<Vec3>, _>>();
         let given = self.input.eyes_m.as_ref().map(eyes).transpose()?;
-        let ReadCloud { points_m, eye_m, dropped } = self.read(cloud, "cloud", read_cloud)?;
+        let (mut points_m, eye_m) = self.points(cloud, "cloud")?;
+        let mut object_m = match &self.input.object {
+            Some(_) if self.input.target_m.is_some() => {
+                return refuse("a request has either object or target_m: object");
+            }
+            Some(object) => Some(self.points(object, "object")?.0),
+            None => None,
+        };
+        points_m.extend(object_m.iter().flatten());
+        let eyes_m = given.unwrap_or_else(|| eye_m.into_iter().collect());
+        let seen = Observation::Cloud { points_m, eyes_m };
+        let Some(PlaceInput::Pose(place)) = &self.input.workspace_from_cloud else { return Ok((seen, object_m)) };
+        let workspace_from_cloud = pose(place, "workspace_from_cloud")?;
+        object_m.iter_mut().flatten().for_each(|at_m| *at_m = workspace_from_cloud * *at_m);
+        Ok((moved(&seen, &workspace_from_cloud), object_m))
+    }
+
+    /// The points of a file, and its viewpoint.
+    fn points(&mut self, source: &SourceInput, key: &str) -> Result<(Vec<Vec3>, Option<Vec3>), InputError> {
+        let ReadCloud { points_m, eye_m, dropped } = self.read(source, key, read_cloud)?;
         if dropped > points_m.len() {
             let left = points_m.len();
             self.warnings
-                .push(format!("{dropped} points without finite coordinates were left out, {left} are left: cloud"));
+                .push(format!("{dropped} points without finite coordinates were left out, {left} are left: {key}"));
         }
-        let eyes_m = given.unwrap_or_else(|| eye_m.into_iter().collect());
-        let seen = Observation::Cloud { points_m, eyes_m };
-        match &self.input.workspace_from_cloud {
-            Some(PlaceInput::Pose(place)) => Ok(moved(&seen, &pose(place, "workspace_from_cloud")?)),
-            Some(PlaceInput::Table) | None => Ok(seen),
-        }
+        Ok((points_m, eye_m))
     }
 }
 

@@ -46,6 +46,10 @@ pub struct RequestInput {
     /// A point cloud instead: a PLY, PCD or NPY file, in metres.
     #[schema(value_type = Option<DataInput>)]
     pub cloud: Option<SourceInput>,
+    /// What to grasp: a cloud of the one object, in the frame of `cloud`, which has the rest of the scene and may have
+    /// the object, too.
+    #[schema(value_type = Option<DataInput>)]
+    pub object: Option<SourceInput>,
     /// The cloud's frame in the workspace, by default the same. Or `"table"`: the cloud is in the optical frame of
     /// its camera, the table is found in it, and the workspace put on it.
     pub workspace_from_cloud: Option<PlaceInput>,
@@ -387,7 +391,7 @@ mod tests {
         let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
-        assert_eq!(keys(&request).len(), 22);
+        assert_eq!(keys(&request).len(), 23);
         assert_eq!(keys(&view).len(), 9);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = described(PoseInput::schema());

@@ -21,11 +21,55 @@ pub(crate) struct Fault {
     error: String,
     /// The status of the response.
     status: u16,
+    /// Its word in the contract of `/predict`.
+    #[serde(skip)]
+    code: Option<&'static str>,
+}
+
+/// An error of `/predict`.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = PredictErrorAnswer)]
+pub(crate) struct Detailed {
+    detail: Detail,
+}
+
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = PredictErrorDetail)]
+struct Detail {
+    /// One of `bad_dtype`, `bad_base64`, `shape_dtype_mismatch`, `bad_shape`, `payload_too_large`, `invalid_geometry`,
+    /// `invalid_request`, `not_ready`, `timeout` and `internal_error`.
+    error: &'static str,
+    /// The error: rule, value, limit, place.
+    message: String,
 }
 
 impl Fault {
     pub(super) fn new(status: StatusCode, error: impl Into<String>) -> Self {
-        Self { error: error.into(), status: status.as_u16() }
+        Self { error: error.into(), status: status.as_u16(), code: None }
+    }
+
+    /// The same with its word in the contract of `/predict`.
+    pub(super) fn coded(status: StatusCode, code: &'static str, error: impl Into<String>) -> Self {
+        Self { code: Some(code), ..Self::new(status, error) }
+    }
+
+    /// As `/predict` tells it.
+    pub(super) fn detailed(self) -> Response {
+        let of_status = || match self.status {
+            413 => "payload_too_large",
+            503 => "not_ready",
+            504 => "timeout",
+            500..=599 => "internal_error",
+            _ => "invalid_request",
+        };
+        let (code, status) = (self.code.unwrap_or_else(of_status), self.status());
+        let body = Detailed { detail: Detail { error: code, message: self.error } };
+        told(status, Json(body))
+    }
+
+    fn status(&self) -> StatusCode {
+        // It was made from a status.
+        StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
     }
 
     /// A defect of the planner. The log has the details.
@@ -48,14 +92,16 @@ impl Fault {
 
 impl IntoResponse for Fault {
     fn into_response(self) -> Response {
-        // It was made from a status.
-        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
-        let mut response = (status, Json(self)).into_response();
-        if status == StatusCode::SERVICE_UNAVAILABLE {
-            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
-        }
-        response
+        told(self.status(), Json(self))
     }
+}
+
+fn told(status: StatusCode, body: impl IntoResponse) -> Response {
+    let mut response = (status, body).into_response();
+    if status == StatusCode::SERVICE_UNAVAILABLE {
+        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+    }
+    response
 }
 
 /// The content-type header of a JSON body.
@@ -70,13 +116,14 @@ pub(super) fn is_json(headers: &HeaderMap) -> bool {
     kind == "application/json" || (kind.starts_with("application/") && kind.ends_with("+json"))
 }
 
-/// Adds a JSON body to an error response without one.
-pub(super) fn as_json(response: Response, options: &ServeOptions) -> Response {
+/// Adds a JSON body to an error response without one, in the layout of `/predict` if it is of that.
+pub(super) fn as_json(response: Response, options: &ServeOptions, is_detailed: bool) -> Response {
     let status = response.status();
     if !(status.is_client_error() || status.is_server_error()) || is_json(response.headers()) {
         return response;
     }
-    let mut answer = Fault::of_layer(status, options).into_response();
+    let fault = Fault::of_layer(status, options);
+    let mut answer = if is_detailed { fault.detailed() } else { fault.into_response() };
     for name in [header::ALLOW, header::RETRY_AFTER] {
         if let Some(value) = response.headers().get(&name) {
             answer.headers_mut().insert(name, value.clone());
@@ -95,6 +142,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
+    use crate::serve::GraspFrame;
 
     fn options() -> ServeOptions {
         ServeOptions {
@@ -106,6 +154,7 @@ mod tests {
             concurrent: 1,
             queue: 0,
             silence_max: Duration::from_secs(10),
+            grasp_frame: GraspFrame::DexGraspNet2,
         }
     }
 
@@ -127,7 +176,7 @@ mod tests {
     #[test]
     fn plain_errors_become_json_and_keep_what_a_client_needs() {
         let plain = (StatusCode::METHOD_NOT_ALLOWED, [(header::ALLOW, "GET,HEAD")], "no").into_response();
-        let answer = as_json(plain, &options());
+        let answer = as_json(plain, &options(), false);
         assert_eq!(answer.status(), StatusCode::METHOD_NOT_ALLOWED);
         assert_eq!(answer.headers()[header::ALLOW], "GET,HEAD");
         assert!(is_json(answer.headers()));
@@ -136,9 +185,9 @@ mod tests {
     #[test]
     fn answers_and_json_errors_are_left_alone() {
         let fine = (StatusCode::OK, "ok").into_response();
-        assert!(!is_json(as_json(fine, &options()).headers()));
+        assert!(!is_json(as_json(fine, &options(), false).headers()));
         let ours = (StatusCode::IM_A_TEAPOT, json_header(), "{}").into_response();
-        assert_eq!(as_json(ours, &options()).headers().len(), 1);
+        assert_eq!(as_json(ours, &options(), false).headers().len(), 1);
     }
 
     #[test]

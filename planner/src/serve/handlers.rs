@@ -6,15 +6,17 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
+use axum::Json;
 use axum::body::Bytes;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
-use super::Shared;
-use super::fault::{Fault, is_json, json_header};
+use super::fault::{Detailed, Fault, is_json, json_header};
 use super::metrics::MEDIA_TYPE;
 use super::model::ModelAnswer;
+use super::predict::{ConfigAnswer, PredictAnswer, PredictInput, VersionAnswer};
+use super::{PlanBytes, Shared, Work};
 use crate::input::RequestInput;
 use crate::plan::Plan;
 
@@ -41,6 +43,31 @@ const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
     )
 )]
 pub(super) async fn plan(State(shared): State<Arc<Shared>>, request: Request) -> Result<Response, Fault> {
+    answer(shared, request, |work| &work.plan).await
+}
+
+/// Ranked grasps of one object, for clients of GraspGen-X's and DexGraspNet 2's servers.
+#[utoipa::path(
+    post,
+    path = "/predict",
+    request_body = PredictInput,
+    responses(
+        (status = 200, description = "The grasps, the best first", body = PredictAnswer),
+        (status = 400, description = "An array's type, base64, length or shape is wrong", body = Detailed),
+        (status = 413, description = "Too many points, or too large a body", body = Detailed),
+        (status = 415, description = "The content type is not JSON", body = Detailed),
+        (status = 422, description = "Not a request, too few points, or no table under them", body = Detailed),
+        (status = 500, description = "A defect of the planner", body = Detailed),
+        (status = 503, description = "Too many requests are waiting, or the service is stopping", body = Detailed),
+        (status = 504, description = "Not done in time", body = Detailed)
+    )
+)]
+pub(super) async fn predict(State(shared): State<Arc<Shared>>, request: Request) -> Response {
+    answer(shared, request, |work| &work.predict).await.unwrap_or_else(Fault::detailed)
+}
+
+/// The answer of a worker to a request's body.
+async fn answer(shared: Arc<Shared>, request: Request, worker: fn(&Work) -> &PlanBytes) -> Result<Response, Fault> {
     if !is_json(request.headers()) {
         return Err(Fault::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the content type must be application/json"));
     }
@@ -55,7 +82,7 @@ pub(super) async fn plan(State(shared): State<Arc<Shared>>, request: Request) ->
         // Kept until the plan ends, even if its request is gone.
         let _held = (place, turn);
         let started = Instant::now();
-        let planned = (working.plan)(&body)?;
+        let planned = worker(&working.work)(&body)?;
         working.metrics.planned(started.elapsed().as_secs_f64(), planned.grasp_count);
         Ok((json_header(), [(SERVER_TIMING, planned.server_timing)], planned.body).into_response())
     };
@@ -76,7 +103,19 @@ fn stopping() -> Fault {
 /// The network and settings of the service.
 #[utoipa::path(get, path = "/v1/model", responses((status = 200, description = "The planner", body = ModelAnswer)))]
 pub(super) async fn model(State(shared): State<Arc<Shared>>) -> Response {
-    (json_header(), shared.model_json.clone()).into_response()
+    (json_header(), shared.work.model_json.clone()).into_response()
+}
+
+/// What a client of `/predict` must know: the hand, its frame and the limits.
+#[utoipa::path(get, path = "/config", responses((status = 200, description = "The hand and the limits", body = ConfigAnswer)))]
+pub(super) async fn config(State(shared): State<Arc<Shared>>) -> Response {
+    (json_header(), shared.work.config_json.clone()).into_response()
+}
+
+/// Versions of the server and of the contract of `/predict`.
+#[utoipa::path(get, path = "/version", responses((status = 200, description = "The versions", body = VersionAnswer)))]
+pub(super) async fn version() -> Json<VersionAnswer> {
+    Json(VersionAnswer::NOW)
 }
 
 /// Whether the process runs.

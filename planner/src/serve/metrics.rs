@@ -13,7 +13,8 @@ use prometheus_client::registry::{Registry, Unit};
 pub(super) const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
 /// The service's paths; also the values of the label `endpoint`.
-pub(super) const ENDPOINTS: [&str; 6] = ["/v1/plan", "/v1/model", "/healthz", "/readyz", "/metrics", "/openapi.json"];
+pub(super) const ENDPOINTS: [&str; 9] =
+    ["/v1/plan", "/v1/model", "/predict", "/config", "/version", "/healthz", "/readyz", "/metrics", "/openapi.json"];
 
 /// Upper bounds in seconds: a plan takes 10 to 40 ms on two cores; the larger ones cover overload.
 const SECONDS: [f64; 12] = [0.005, 0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];

@@ -29,11 +29,15 @@ fn description() -> String {
         title = "Graspmill planner",
         version = env!("CARGO_PKG_VERSION"),
         description = "Ranked grasps from depth images, a TSDF or a point cloud. Metres; quaternions are x, y, z, w; \
-                       cameras look along +z, x right, y down. Every error is {\"error\": \"…\", \"status\": 422}."
+                       cameras look along +z, x right, y down. Every error is {\"error\": \"…\", \"status\": 422}, \
+                       of /predict {\"detail\": {\"error\": \"…\", \"message\": \"…\"}}."
     ),
     paths(
         handlers::plan,
         handlers::model,
+        handlers::predict,
+        handlers::config,
+        handlers::version,
         handlers::healthz,
         handlers::readyz,
         handlers::metrics,

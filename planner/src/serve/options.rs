@@ -4,6 +4,8 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::time::Duration;
 
 use program::{ExitCode, Failure};
+use schema::{Mat3, Quat, Vec3};
+use settings::words;
 
 /// Address and limits of the service.
 #[derive(Debug, Clone)]
@@ -24,6 +26,33 @@ pub struct ServeOptions {
     pub queue: u16,
     /// Maximum time from an answer to the next request's complete header.
     pub silence_max: Duration,
+    /// The axes of the grasps of `/predict`.
+    pub grasp_frame: GraspFrame,
+}
+
+words! {
+    /// Axes of a grasp, by the names of the servers that have them; the origin is always between the finger tips' ends.
+    pub enum GraspFrame {
+        /// x approaches, y closes.
+        DexGraspNet2 = "dexgraspnet2",
+        /// z approaches, x closes.
+        GraspGenX = "graspgenx",
+        /// z approaches, y closes: Graspmill's own.
+        TcpZApproach = "tcp_z_approach",
+    }
+}
+
+impl GraspFrame {
+    /// These axes in those of Graspmill's grasps.
+    pub(super) fn grasp_from_frame(self) -> Quat {
+        let columns = match self {
+            Self::DexGraspNet2 => [Vec3::Z, Vec3::Y, Vec3::NEG_X],
+            Self::GraspGenX => [Vec3::Y, Vec3::NEG_X, Vec3::Z],
+            Self::TcpZApproach => [Vec3::X, Vec3::Y, Vec3::Z],
+        };
+        let [x, y, z] = columns;
+        Quat::from_mat3(&Mat3::from_cols(x, y, z))
+    }
 }
 
 impl ServeOptions {

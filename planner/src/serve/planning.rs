@@ -37,7 +37,7 @@ pub(super) fn plan_bytes(planners: &Planners, body: &[u8]) -> Result<Planned, Fa
     })
 }
 
-fn server_timing<'a>(stages: impl Iterator<Item = (&'a str, f64)>) -> String {
+pub(super) fn server_timing<'a>(stages: impl Iterator<Item = (&'a str, f64)>) -> String {
     stages.map(|(name, ms)| format!("{name};dur={ms:.2}")).collect::<Vec<_>>().join(", ")
 }
 

@@ -39,11 +39,17 @@ fn options() -> ServeOptions {
         concurrent: 1,
         queue: 0,
         silence_max: Duration::from_secs(10),
+        grasp_frame: GraspFrame::DexGraspNet2,
     }
 }
 
 fn silent_for(ms: u64) -> ServeOptions {
     ServeOptions { silence_max: Duration::from_millis(ms), ..options() }
+}
+
+fn work(plan: impl Fn(&[u8]) -> Result<Planned, Fault> + Clone + Send + Sync + 'static) -> Work {
+    let predict = Box::new(plan.clone());
+    Work { plan: Box::new(plan), predict, model_json: "{}".to_owned(), config_json: "{}".to_owned() }
 }
 
 /// Bodies are commands: `panic`, `refuse`, `wait` (until `go`); anything else is planned.
@@ -63,7 +69,7 @@ fn start(options: ServeOptions, go: &Arc<AtomicBool>) -> Running {
             })
         }
     };
-    let shared = Shared::new(Box::new(plan), "{}".to_owned(), &options);
+    let shared = Shared::new(work(plan), &options);
     let stop = Arc::new(AtomicBool::new(false));
     let (sender, receiver) = mpsc::channel();
     let (theirs, until) = (Arc::clone(&shared), Arc::clone(&stop));
@@ -280,7 +286,7 @@ fn a_service_that_stops_is_not_ready() {
 fn a_taken_address_is_an_error() {
     let service = started();
     let taken = ServeOptions { port: service.address.port(), ..options() };
-    let shared = Shared::new(Box::new(|_| Err(Fault::internal())), "{}".to_owned(), &taken);
+    let shared = Shared::new(work(|_: &[u8]| Err(Fault::internal())), &taken);
     let error = serve_shared(&shared, &AtomicBool::new(false), &|_| ()).unwrap_err();
     assert!(error.to_string().starts_with("failed to listen: "), "{error}");
     assert_eq!(error.exit_code(), ExitCode::TryAgain);
