@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# The experiments of docs/results/experiments.md in sequence: clutter removal, the paper's tables, depth noise, one
+# The experiments of docs/results in sequence: clutter removal, the paper's tables, depth noise, one
 # noisy side view, views.
 #
 #   lab/experiments.sh OUT [NAME…]      all of them, or those whose name begins with one of these
 #
 # VOXEL=FILE adds rows of a network that was trained by configs/train/voxel.toml, which is not shipped
-# (docs/results/training.md).
+# (docs/results/paper-network.md).
 #
 # Finished experiments are not repeated, and interrupted ones continue. `graspmill experiment compare` makes the tables.
 set -euo pipefail
