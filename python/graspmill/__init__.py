@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from . import _native
 from ._native import __version__
+from ._plan_files import PlanFileOptions
 from ._renamed import renamed as _renamed_value
 from .annotation import annotate
 from .cameras import Camera
@@ -24,7 +25,8 @@ from .errors import DataError, GraspmillError, IncompleteError, InputError, Inte
 from .grippers import Gripper
 from .object_grasps import ObjectGrasps, read_grasps
 from .pages import Page
-from .planner import Grasp, Plan, Planner, PlanOptions
+from .planner import Planner, PlanOptions
+from .plans import Grasp, Plan
 from .scene import HITS, OUTCOMES, Container, Object, Outcomes, Scene, execute, tsdf
 
 # Threads that still work then must not come back to an interpreter that ends.
@@ -56,6 +58,7 @@ __all__ = [
     "OutsideError",
     "Page",
     "Plan",
+    "PlanFileOptions",
     "PlanOptions",
     "Planner",
     "Scene",

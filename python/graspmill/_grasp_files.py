@@ -14,6 +14,7 @@ import warnings
 import zipfile
 import zlib
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Callable, Literal, Mapping
 
 import numpy as np
@@ -32,7 +33,7 @@ from ._grasp_frames import (
     to_base,
     to_graspnet,
 )
-from .errors import InputError
+from .errors import InputError, OutsideError
 
 if TYPE_CHECKING:
     from .object_grasps import ObjectGrasps
@@ -80,6 +81,32 @@ def module(name: str, what: str) -> Any:
     except ImportError as error:
         pip = {"yaml": "pyyaml"}.get(name, name.partition(".")[0])
         raise InputError(f"{what} needs {pip}: pip install graspmill[grasps]") from error
+
+
+def whole_file(file: str, write: Callable[[str], object]) -> Path:
+    """Writes a file beside its place and moves it there, so that an old one stays until the new one is whole.
+
+    Raises:
+        InputError: If the folder is missing or may not be written, or of what is written.
+        OutsideError: If the disk fails.
+    """
+    folder, name = os.path.split(file)
+    if not os.path.isdir(folder or ".") or os.path.isdir(file):
+        raise InputError(f"path must be a file in a folder that exists, got {file}")
+    part = os.path.join(folder, f".{name}.{os.getpid()}.part")
+    try:
+        write(part)
+        os.replace(part, file)
+    except InputError as error:
+        raise InputError(f"{error}: {file}") from error
+    except PermissionError as error:
+        raise InputError(f"path must be a file that may be written, got {error}") from error
+    except OSError as error:
+        raise OutsideError(f"failed to write {file}: {error}") from error
+    finally:
+        if os.path.exists(part):
+            os.unlink(part)
+    return Path(file)
 
 
 # Parts of files
@@ -407,6 +434,7 @@ def read_isaac_grasp(path: str, hand: Hand) -> dict[str, Any]:
         "held": held,
         "score": score,
         "width_m": np.array(widths_m, np.float64),
+        "opening_m": np.array(openings_m, np.float64),
         "base_to_tips_m": base_m,
         "info": _info("isaac_grasp", {**gripper, **hand.gripper}),
     }
@@ -423,7 +451,7 @@ def write_isaac_grasp(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
     name, opening_m = _hand_name(grasps), _opening_m(grasps)
     lines = ["format: isaac_grasp", "format_version: 1.0"]
     frames = {"object_frame": grasps.name, "gripper_frame": name, "object_file": grasps.file}
-    lines += [f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in frames.items()]
+    lines += [f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in frames.items() if text]
     lines += [f"object_scale: {grasps.scale_m:.10f}", "grasps:" if len(grasps) else "grasps: {}"]
     # Numbers have a fixed number of decimals: YAML 1.1 takes 1e-5 for a word.
     for number, (base, turned) in enumerate(zip(bases, _arrays.quaternions(bases[:, :3, :3]))):
@@ -434,11 +462,12 @@ def write_isaac_grasp(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
             f"    position: [{', '.join(f'{one:.7f}' for one in base[:3, 3])}]",
             f"    orientation: {{w: {w}, xyz: [{x}, {y}, {z}]}}",
         ]
-        width_m = grasps.width_m[number]
-        if name in PANDA_NAMES and opening_m is not None:
+        width_m, own_m = grasps.width_m[number], grasps.opening_m[number]
+        open_m = opening_m if np.isnan(own_m) else own_m
+        if name in PANDA_NAMES and open_m is not None:
             if not np.isnan(width_m):
                 lines.append(f"    cspace_position: {{{PANDA_JOINT}: {0.5 * width_m:.6f}}}")
-            lines.append(f"    pregrasp_cspace_position: {{{PANDA_JOINT}: {0.5 * opening_m:.6f}}}")
+            lines.append(f"    pregrasp_cspace_position: {{{PANDA_JOINT}: {0.5 * open_m:.6f}}}")
     with open(path, "w", encoding="utf-8") as file:
         file.write("\n".join(lines) + "\n")
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays
-from ._grasp_files import FORMATS, READERS, WRITERS, Format, Hand, entry, labels, loaded_json, module, numbers, table
+from ._grasp_files import FORMATS, READERS, WRITERS, Format, Hand, entry, labels, loaded_json, module, numbers, table, whole_file
 from ._grasp_frames import Axis, Numbers, of_quaternions, rigid
-from .errors import InputError, OutsideError
+from .errors import InputError
 from .grippers import Gripper, GripperLike
 
 #: Numbers of each grasp, and their shapes; NaN where unknown.
@@ -30,9 +30,10 @@ _NUMBERS: dict[str, tuple[int, ...]] = {
     "robust_share": (),
     "on_table_share": (),
     "score": (),
+    "opening_m": (),
 }
 #: Columns of a Parquet file with one number a grasp, by our names.
-_COLUMNS = {name: name for name, shape in _NUMBERS.items() if not shape and name != "score"}
+_COLUMNS = {name: name for name, shape in _NUMBERS.items() if not shape and name not in ("score", "opening_m")}
 _COLUMNS["on_table_share"] = "free_on_table_share"
 
 #: Numbers of a gripper.
@@ -85,6 +86,7 @@ class ObjectGrasps:
             table frame has z up, its top at 0.
         base_to_tips_m: From the hand's base to its tips, along the approach; ``None`` if it is not known.
         info: What else is known: the object, the hand, the test, the settings (``NAME.json``).
+        opening_m: ``[N]``, metres between the fingers before closing, where each grasp has its own.
 
     Raises:
         InputError: If an array has a wrong shape, or a pose is not rigid; the message names it.
@@ -113,6 +115,7 @@ class ObjectGrasps:
     stable_poses: list[tuple[float, NDArray[np.float64]]] = field(default_factory=list)
     base_to_tips_m: float | None = None
     info: dict[str, Any] = field(default_factory=dict)
+    opening_m: NDArray[np.float64] = field(default_factory=_unknown)
 
     def __post_init__(self) -> None:
         def put(key: str, value: object) -> None:
@@ -226,23 +229,7 @@ class ObjectGrasps:
         file = _arrays.path("path", path)
         chosen = _format(file, format)
         hand = _hand(base_to_tips_m, gripper, closing_axis)
-        folder, name = os.path.split(file)
-        if not os.path.isdir(folder or ".") or os.path.isdir(file):
-            raise InputError(f"path must be a file in a folder that exists, got {file}")
-        part = os.path.join(folder, f".{name}.{os.getpid()}.part")
-        try:
-            WRITERS[chosen](self, part, hand)
-            os.replace(part, file)
-        except InputError as error:
-            raise InputError(f"{error}: {file}") from error
-        except PermissionError as error:
-            raise InputError(f"path must be a file that may be written, got {error}") from error
-        except OSError as error:
-            raise OutsideError(f"failed to write {file}: {error}") from error
-        finally:
-            if os.path.exists(part):
-                os.unlink(part)
-        return Path(file)
+        return whole_file(file, lambda part: WRITERS[chosen](self, part, hand))
 
 
 def read_grasps(

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from inspect import Parameter, signature
-from typing import TYPE_CHECKING, Any, Callable, Literal, Sequence, TypedDict, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Callable, Literal, Sequence, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +14,7 @@ from . import _arrays, _native
 from .cameras import Camera
 from .errors import InputError
 from .grippers import GripperLike
+from .plans import Plan
 from .scene import Immutable, _images, _simulation
 
 if TYPE_CHECKING:
@@ -28,45 +27,6 @@ KEEP_OUT_MAX = 64
 RADIUS_M_MAX = 1.0
 #: Smallest and largest side of a workspace, in metres.
 WORKSPACE_M = (0.2, 1.2)
-
-
-@dataclass(frozen=True, eq=False)
-class Grasp:
-    """A ranked grasp.
-
-    Attributes:
-        workspace_from_grasp: ``[4, 4]``; +z is the approach, +y the closing direction, the origin midway between the
-            finger tips.
-        width_m: Distance between the fingers' inner faces when holding, measured on what was seen between them, or the answer
-            of a network of voxels; ``None`` where an end of it was not seen.
-        opening_m: How far to open the gripper: for what is between the fingers and some room, or all the way.
-        quality: A judge's probability that the grasp holds, or the network's smoothed quality; 0 to 1.
-        object: Index into the plan's objects, or ``None``.
-        camera_from_grasp: ``[4, 4]`` in the optical frame of the first camera, or of a cloud's camera if the table was found.
-        width_seen_share: Share of the ends of what is between the fingers that were seen; ``None`` if nothing was measured.
-        robustness: If it holds, the share of repeats with heavier objects, less friction and slightly moved grasps that would
-            hold, too, as a judge expects it; ``None`` of networks that did not learn it.
-        base_from_grasp: ``[4, 4]`` in the robot's base, if that was given, by ``base_from_workspace`` or ``base_from_camera``.
-        workspace_from_flange: ``[4, 4]``, if the gripper has a ``flange_from_grasp``.
-        base_from_flange: ``[4, 4]``, if both are known.
-    """
-
-    workspace_from_grasp: NDArray[np.float64]
-    width_m: float | None
-    opening_m: float
-    quality: float
-    object: int | None
-    camera_from_grasp: NDArray[np.float64] | None = None
-    width_seen_share: float | None = None
-    robustness: float | None = None
-    base_from_grasp: NDArray[np.float64] | None = None
-    workspace_from_flange: NDArray[np.float64] | None = None
-    base_from_flange: NDArray[np.float64] | None = None
-
-    @property
-    def score(self) -> float:
-        """``quality`` under the name that GraspNet and GPD give it."""
-        return self.quality
 
 
 class PlanOptions(TypedDict, total=False):
@@ -118,140 +78,6 @@ class PlanOptions(TypedDict, total=False):
     keep_out: ArrayLike | None
     reach: ArrayLike | None
     accept: Callable[[NDArray[np.float64]], bool] | None
-
-
-class Plan(Immutable, Sequence[Grasp]):
-    """Ranked grasps, best first; a sequence of :class:`Grasp`. If it is empty, ``reason`` says why."""
-
-    _text: str
-    _timings_ms: dict[str, float]
-    _cloud: NDArray[np.float32]
-    #: For pictures; a plan that was pickled has none.
-    _drawn: _native.Plan | None = None
-
-    @classmethod
-    def _of(cls, native: _native.Plan) -> Plan:
-        made = cls.__new__(cls)
-        made._drawn, made._text, made._timings_ms = native, native.json(), dict(native.timings_ms)
-        made._cloud = native.cloud().reshape(-1, 3)
-        return made
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: vars(self)[name] for name in ("_text", "_timings_ms", "_cloud")}
-
-    @cached_property
-    def answer(self) -> dict[str, Any]:
-        """The whole plan, as the JSON of the command and the service has it (``docs/planning.md``)."""
-        answer: dict[str, Any] = json.loads(self._text)
-        return answer
-
-    def to_json(self) -> str:
-        """The JSON with which the command and the service answer."""
-        return self._text
-
-    @cached_property
-    def grasps(self) -> list[Grasp]:
-        """The grasps, best first."""
-        frames = ("camera_from_grasp", "base_from_grasp", "workspace_from_flange", "base_from_flange")
-        return [
-            Grasp(
-                _matrix(row["workspace_from_grasp"]),
-                row["width_m"],
-                row["opening_m"],
-                row["quality"],
-                row["object"],
-                width_seen_share=row["width_seen_share"],
-                robustness=row["robustness"],
-                **{name: None if row[name] is None else _matrix(row[name]) for name in frames},
-            )
-            for row in self.answer["grasps"]
-        ]
-
-    def __len__(self) -> int:
-        return len(self.answer["grasps"])
-
-    @overload
-    def __getitem__(self, place: int) -> Grasp: ...
-    @overload
-    def __getitem__(self, place: slice) -> list[Grasp]: ...
-    def __getitem__(self, place: int | slice) -> Grasp | list[Grasp]:
-        return self.grasps[place]
-
-    @property
-    def workspace_from_grasp(self) -> NDArray[np.float64]:
-        """The poses of all grasps, ``[N, 4, 4]``, as :func:`graspmill.execute` takes them."""
-        return np.stack([grasp.workspace_from_grasp for grasp in self.grasps]) if len(self) else np.empty((0, 4, 4))
-
-    @property
-    def qualities(self) -> NDArray[np.float64]:
-        """The qualities of all grasps, ``[N]``."""
-        return np.array([grasp.quality for grasp in self.grasps])
-
-    @property
-    def scores(self) -> NDArray[np.float64]:
-        """``qualities`` under the name that GraspNet and GPD give them."""
-        return self.qualities
-
-    @property
-    def reason(self) -> str | None:
-        """Why there are no grasps; ``None`` if there are."""
-        reason: str | None = self.answer["reason"]
-        return reason
-
-    @property
-    def warnings(self) -> list[str]:
-        """Warnings."""
-        warnings: list[str] = self.answer["warnings"]
-        return warnings
-
-    @property
-    def timings_ms(self) -> dict[str, float]:
-        """Milliseconds of each stage."""
-        return dict(self._timings_ms)
-
-    @property
-    def workspace_from_camera(self) -> NDArray[np.float64] | None:
-        """The first camera in the workspace, ``[4, 4]``, as it was given or found; ``None`` without one."""
-        pose = self.answer["workspace_from_camera"]
-        return None if pose is None else _matrix(pose)
-
-    def overlay(self, image: ArrayLike | None = None) -> bytes:
-        """The best grasps in the image of the first camera, as a PNG. A plan that was pickled cannot be drawn.
-
-        Args:
-            image: ``[height, width, 3]`` uint8, in the colours red, green, blue; by default the depth image, shaded.
-        """
-        if self._drawn is None:
-            raise InputError("the plan was pickled, and so has no picture: draw it in the process that made it")
-        if image is None:
-            return self._drawn.overlay(None)
-        pixels = _arrays.given("image", image)
-        if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] < 3 or 0 in pixels.shape:
-            raise InputError(f"image must be uint8 [height, width, 3], got {pixels.dtype} {list(pixels.shape)}")
-        return self._drawn.overlay(np.ascontiguousarray(pixels[:, :, :3]))
-
-    def cloud(self) -> NDArray[np.float32]:
-        """The observed surface, ``[N, 3]`` in the workspace, in metres."""
-        return self._cloud.copy()
-
-    def picture(self, title: str = "") -> bytes:
-        """A picture of the scene and its grasps, as a PNG. A plan that was pickled cannot be drawn."""
-        if self._drawn is None:
-            raise InputError("the plan was pickled, and so has no picture: draw it in the process that made it")
-        return self._drawn.picture(_arrays.text("title", title))
-
-    def _repr_png_(self) -> bytes | None:
-        return None if self._drawn is None else self.picture()
-
-    def __repr__(self) -> str:
-        if not len(self):
-            return f"Plan(no grasps: {self.reason})"
-        return f"Plan({len(self)} grasps, the best {self.grasps[0].quality:.3f})"
-
-
-def _matrix(pose: dict[str, list[float]]) -> NDArray[np.float64]:
-    matrix: NDArray[np.float64] = _arrays.matrices([[*pose["position_m"], *pose["quaternion_xyzw"]]])[0]
-    return matrix
 
 
 #: The first camera in its own frame.

@@ -1,0 +1,255 @@
+"""Plans: ranked grasps, and their files for robots."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Sequence, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _arrays, _native, _plan_files
+from ._plan_files import PlanFileFormat, PlanFileOptions
+from .errors import InputError
+from .scene import Immutable
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+#: Of the JSON of a plan.
+FORMAT = "graspmill-plan/3"
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """A ranked grasp.
+
+    Attributes:
+        workspace_from_grasp: ``[4, 4]``; +z is the approach, +y the closing direction, the origin midway between the
+            finger tips.
+        width_m: Distance between the fingers' inner faces when holding, measured on what was seen between them, or the answer
+            of a network of voxels; ``None`` where an end of it was not seen.
+        opening_m: How far to open the gripper: for what is between the fingers and some room, or all the way.
+        quality: A judge's probability that the grasp holds, or the network's smoothed quality; 0 to 1.
+        object: Index into the plan's objects, or ``None``.
+        camera_from_grasp: ``[4, 4]`` in the optical frame of the first camera, or of a cloud's camera if the table was found.
+        width_seen_share: Share of the ends of what is between the fingers that were seen; ``None`` if nothing was measured.
+        robustness: If it holds, the share of repeats with heavier objects, less friction and slightly moved grasps that would
+            hold, too, as a judge expects it; ``None`` of networks that did not learn it.
+        base_from_grasp: ``[4, 4]`` in the robot's base, if that was given, by ``base_from_workspace`` or ``base_from_camera``.
+        workspace_from_flange: ``[4, 4]``, if the gripper has a ``flange_from_grasp``.
+        base_from_flange: ``[4, 4]``, if both are known.
+    """
+
+    workspace_from_grasp: NDArray[np.float64]
+    width_m: float | None
+    opening_m: float
+    quality: float
+    object: int | None
+    camera_from_grasp: NDArray[np.float64] | None = None
+    width_seen_share: float | None = None
+    robustness: float | None = None
+    base_from_grasp: NDArray[np.float64] | None = None
+    workspace_from_flange: NDArray[np.float64] | None = None
+    base_from_flange: NDArray[np.float64] | None = None
+
+    @property
+    def score(self) -> float:
+        """``quality`` under the name that GraspNet and GPD give it."""
+        return self.quality
+
+
+class Plan(Immutable, Sequence[Grasp]):
+    """Ranked grasps, best first; a sequence of :class:`Grasp`. If it is empty, ``reason`` says why."""
+
+    _text: str
+    _timings_ms: dict[str, float]
+    _cloud: NDArray[np.float32]
+    #: For pictures; a plan that was pickled has none.
+    _drawn: _native.Plan | None = None
+
+    @classmethod
+    def _of(cls, native: _native.Plan) -> Plan:
+        made = cls.__new__(cls)
+        made._drawn, made._text, made._timings_ms = native, native.json(), dict(native.timings_ms)
+        made._cloud = native.cloud().reshape(-1, 3)
+        return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: vars(self)[name] for name in ("_text", "_timings_ms", "_cloud")}
+
+    @cached_property
+    def answer(self) -> dict[str, Any]:
+        """The whole plan, as the JSON of the command and the service has it (``docs/planning.md``)."""
+        answer: dict[str, Any] = json.loads(self._text)
+        return answer
+
+    @classmethod
+    def from_json(cls, text: str | bytes) -> Plan:
+        """The plan of a JSON with which the command or the service answered. It has no cloud, no picture and no times.
+
+        Raises:
+            InputError: If the text is not the JSON of a plan.
+        """
+        try:
+            answer = json.loads(text)
+        except (ValueError, TypeError, RecursionError) as error:
+            raise InputError(f"text must be the JSON of a plan, got {error}") from error
+        if not isinstance(answer, dict) or answer.get("format") != FORMAT:
+            told = answer.get("format") if isinstance(answer, dict) else answer
+            raise InputError(f"format must be {FORMAT}, got {_arrays.shown(told)}")
+        made = cls.__new__(cls)
+        made._text, made._timings_ms = text if isinstance(text, str) else text.decode(), {}
+        made._cloud = np.empty((0, 3), np.float32)
+        try:
+            poses, scored = made.workspace_from_grasp, made.qualities
+            is_whole = bool(np.isfinite(poses).all() and np.isfinite(scored).all() and answer["gripper"])
+        except (LookupError, TypeError, ValueError) as error:
+            raise InputError(f"text must be the JSON of a plan, got a grasp without {error}") from error
+        if not is_whole:
+            raise InputError("text must be the JSON of a plan, got poses or qualities that are not finite")
+        return made
+
+    def to_json(self) -> str:
+        """The JSON with which the command and the service answer."""
+        return self._text
+
+    @cached_property
+    def grasps(self) -> list[Grasp]:
+        """The grasps, best first."""
+        frames = ("camera_from_grasp", "base_from_grasp", "workspace_from_flange", "base_from_flange")
+        return [
+            Grasp(
+                _matrix(row["workspace_from_grasp"]),
+                row["width_m"],
+                row["opening_m"],
+                row["quality"],
+                row["object"],
+                width_seen_share=row["width_seen_share"],
+                robustness=row["robustness"],
+                **{name: None if row[name] is None else _matrix(row[name]) for name in frames},
+            )
+            for row in self.answer["grasps"]
+        ]
+
+    def __len__(self) -> int:
+        return len(self.answer["grasps"])
+
+    @overload
+    def __getitem__(self, place: int) -> Grasp: ...
+    @overload
+    def __getitem__(self, place: slice) -> list[Grasp]: ...
+    def __getitem__(self, place: int | slice) -> Grasp | list[Grasp]:
+        return self.grasps[place]
+
+    @property
+    def workspace_from_grasp(self) -> NDArray[np.float64]:
+        """The poses of all grasps, ``[N, 4, 4]``, as :func:`graspmill.execute` takes them."""
+        return np.stack([grasp.workspace_from_grasp for grasp in self.grasps]) if len(self) else np.empty((0, 4, 4))
+
+    @property
+    def qualities(self) -> NDArray[np.float64]:
+        """The qualities of all grasps, ``[N]``."""
+        return np.array([grasp.quality for grasp in self.grasps])
+
+    @property
+    def scores(self) -> NDArray[np.float64]:
+        """``qualities`` under the name that GraspNet and GPD give them."""
+        return self.qualities
+
+    @property
+    def reason(self) -> str | None:
+        """Why there are no grasps; ``None`` if there are."""
+        reason: str | None = self.answer["reason"]
+        return reason
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings."""
+        warnings: list[str] = self.answer["warnings"]
+        return warnings
+
+    @property
+    def timings_ms(self) -> dict[str, float]:
+        """Milliseconds of each stage."""
+        return dict(self._timings_ms)
+
+    @property
+    def workspace_from_camera(self) -> NDArray[np.float64] | None:
+        """The first camera in the workspace, ``[4, 4]``, as it was given or found; ``None`` without one."""
+        pose = self.answer["workspace_from_camera"]
+        return None if pose is None else _matrix(pose)
+
+    def overlay(self, image: ArrayLike | None = None) -> bytes:
+        """The best grasps in the image of the first camera, as a PNG. A plan that was pickled cannot be drawn.
+
+        Args:
+            image: ``[height, width, 3]`` uint8, in the colours red, green, blue; by default the depth image, shaded.
+        """
+        if self._drawn is None:
+            raise InputError("the plan was pickled or read, and so has no picture: draw it in the process that made it")
+        if image is None:
+            return self._drawn.overlay(None)
+        pixels = _arrays.given("image", image)
+        if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] < 3 or 0 in pixels.shape:
+            raise InputError(f"image must be uint8 [height, width, 3], got {pixels.dtype} {list(pixels.shape)}")
+        return self._drawn.overlay(np.ascontiguousarray(pixels[:, :, :3]))
+
+    def cloud(self) -> NDArray[np.float32]:
+        """The observed surface, ``[N, 3]`` in the workspace, in metres."""
+        return self._cloud.copy()
+
+    def picture(self, title: str = "") -> bytes:
+        """A picture of the scene and its grasps, as a PNG. A plan that was pickled cannot be drawn."""
+        if self._drawn is None:
+            raise InputError("the plan was pickled or read, and so has no picture: draw it in the process that made it")
+        return self._drawn.picture(_arrays.text("title", title))
+
+    def save(
+        self, path: str | os.PathLike[str], format: PlanFileFormat | None = None, **options: Unpack[PlanFileOptions]
+    ) -> Path:
+        """Writes the grasps to a file for robots. An existing file stays until it is replaced by the whole one.
+
+        Args:
+            path: The file.
+            format: ``"isaac_grasp"`` (by default for .yaml), ``"graspnet"`` (.npy), or ``"moveit"`` (needs PyYAML): the
+                messages of :meth:`moveit_grasps` in a list ``grasps``. ``docs/exporting.md`` has the frames.
+            **options: See :class:`PlanFileOptions`.
+
+        Returns:
+            The path.
+
+        Raises:
+            InputError: If the plan does not know the frame, or where the base of the hand is.
+            OutsideError: If the disk fails.
+        """
+        return _plan_files.save(self, path, format, options)
+
+    def moveit_grasps(self, **options: Unpack[PlanFileOptions]) -> list[dict[str, Any]]:
+        """The grasps with the fields of ``moveit_msgs/Grasp``, best first. What is not known is left out: the posture of a
+        hand whose joints are not known, and that of closed fingers where the width was not seen.
+
+        Args:
+            **options: See :class:`PlanFileOptions`.
+
+        Raises:
+            InputError: If the plan does not know the frame, or where the robot's last link is.
+        """
+        return _plan_files.moveit_grasps(self, _plan_files.checked(options))
+
+    def _repr_png_(self) -> bytes | None:
+        return None if self._drawn is None else self.picture()
+
+    def __repr__(self) -> str:
+        if not len(self):
+            return f"Plan(no grasps: {self.reason})"
+        return f"Plan({len(self)} grasps, the best {self.grasps[0].quality:.3f})"
+
+
+def _matrix(pose: dict[str, list[float]]) -> NDArray[np.float64]:
+    matrix: NDArray[np.float64] = _arrays.matrices([[*pose["position_m"], *pose["quaternion_xyzw"]]])[0]
+    return matrix
