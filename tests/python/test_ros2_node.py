@@ -1,8 +1,9 @@
-"""The ROS 2 node of docs/, with mocks of the ROS modules that it uses.
+"""The ROS 2 package, with stubs of the ROS modules that it imports.
 
     python -m pytest tests/python/test_ros2_node.py   # GRASPMILL_PLANNER=path/to/planner, or target/debug/planner
 """
 
+import importlib
 import json
 import socket
 import struct
@@ -14,109 +15,14 @@ import zlib
 import numpy as np
 import pytest
 
+import ros_messages as ros
 from planner_service import DEMO, ROOT, file_of, npy, running
 
-NODE = ROOT / "docs" / "ros2_planner_node.py"
+PACKAGE = ROOT / "ros2" / "graspmill_ros"
+sys.path.insert(0, str(PACKAGE))
+from graspmill_ros import planning, sensing  # noqa: E402
 
-
-class Message(types.SimpleNamespace):
-    """A message with these fields; missing nested messages are created, as in ROS."""
-
-    fields = {}
-
-    def __init__(self, **values):
-        unknown = values.keys() - self.fields.keys()
-        assert not unknown, f"{type(self).__name__} has no {unknown}"
-        super().__init__(**{name: values.get(name, make()) for name, make in self.fields.items()})
-
-    def __setattr__(self, name, value):
-        assert name in self.fields, f"{type(self).__name__} has no {name}"
-        super().__setattr__(name, value)
-
-
-def message(name, **fields):
-    return type(name, (Message,), {"fields": fields})
-
-
-def ros(depth, encoding, info, transform, service, monkeypatch):
-    """Runs the node on one depth image; returns what it published. A transform is that of its base frame."""
-    number = dict.fromkeys("xyz", float)
-    point, quaternion = message("Point", **number), message("Quaternion", **number, w=float)
-    vector = message("Vector3", **number)
-    header = message("Header", stamp=dict, frame_id=str)
-    pose = message("Pose", position=point, orientation=quaternion)
-    image_type = message(
-        "Image", header=header, height=int, width=int, encoding=str, is_bigendian=int, step=int, data=bytes
-    )
-    info_type = message("CameraInfo", header=header, height=int, width=int, k=list)
-    rigid = message("Transform", translation=vector, rotation=quaternion)
-    subscriptions, published, warnings, asked = {}, [], [], []
-
-    class Node:
-        def __init__(self, name):
-            self.name = name
-
-        def declare_parameter(self, name, value):
-            given = {"url": f"http://127.0.0.1:{service.port}/v1/plan", "base_frame": "base" if transform else value}
-            return types.SimpleNamespace(value=given[name])
-
-        def create_publisher(self, kind, topic, depth):
-            assert (kind.__name__, topic) == ("PoseArray", "grasps") and depth >= 1
-            return types.SimpleNamespace(publish=published.append)
-
-        def create_subscription(self, kind, topic, callback, depth):
-            subscriptions[topic] = (kind.__name__, callback)
-
-        def get_logger(self):
-            return types.SimpleNamespace(warning=warnings.append)
-
-    class Buffer:
-        def lookup_transform(self, target, source, at):
-            asked.append((target, source, at))
-            position, rotation = transform
-            found = rigid(
-                translation=vector(**dict(zip("xyz", position))), rotation=quaternion(**dict(zip("xyzw", rotation)))
-            )
-            return message("TransformStamped", header=header, transform=rigid)(transform=found)
-
-    modules = {
-        "rclpy": types.ModuleType("rclpy"),
-        "rclpy.node": types.SimpleNamespace(Node=Node),
-        "rclpy.time": types.SimpleNamespace(Time=types.SimpleNamespace(from_msg=lambda stamp: ("time of", stamp))),
-        "geometry_msgs": types.ModuleType("geometry_msgs"),
-        "geometry_msgs.msg": types.SimpleNamespace(
-            Point=point, Quaternion=quaternion, Pose=pose, PoseArray=message("PoseArray", header=header, poses=list)
-        ),
-        "sensor_msgs": types.ModuleType("sensor_msgs"),
-        "sensor_msgs.msg": types.SimpleNamespace(Image=image_type, CameraInfo=info_type),
-        "tf2_ros": types.SimpleNamespace(
-            Buffer=Buffer, TransformListener=lambda buffer, node: None, TransformException=type("E", (Exception,), {})
-        ),
-    }
-    for name, module in modules.items():
-        monkeypatch.setitem(sys.modules, name, module)
-    scope = {"__name__": "ros2_planner_node"}
-    exec(compile(NODE.read_text(), str(NODE), "exec"), scope)  # noqa: S102
-    scope["PlannerNode"]()
-    (info_kind, on_info), (image_kind, on_image) = subscriptions["camera_info"], subscriptions["depth"]
-    assert (info_kind, image_kind) == ("CameraInfo", "Image")
-
-    # Rows are padded, as some drivers do.
-    pad = 6
-    rows = b"".join(row.tobytes() + b"\xab" * pad for row in depth)
-    height, width = depth.shape
-    told = header(stamp={"sec": 3}, frame_id="camera_depth_optical_frame")
-    image = image_type(
-        header=told, height=height, width=width, encoding=encoding, step=width * depth.itemsize + pad, data=rows,
-        is_bigendian=int(depth.dtype.byteorder == ">"),
-    )  # fmt: skip
-    on_image(image)
-    assert not published, "without camera info there is nothing to ask"
-    k = [info["fx_px"], 0.0, info["cx_px"], 0.0, info["fy_px"], info["cy_px"], 0.0, 0.0, 1.0]
-    on_info(info_type(header=told, height=height, width=width, k=k))
-    on_image(image)
-    assert asked == ([("base", "camera_depth_optical_frame", ("time of", {"sec": 3}))] if transform else [])
-    return published, warnings
+POSE = {"position_m": [0.1, 0.2, 0.5], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
 
 
 def png_values(data):
@@ -150,6 +56,377 @@ def one_demo_view():
     return depth_m.astype(np.float32), view.get("intrinsics", request.get("intrinsics")), view["workspace_from_camera"]
 
 
+# Messages of a camera, and a node with a planner that answers what the test says
+
+
+def stamped(at_s=99.9, frame_id="optical"):
+    return ros.Header(stamp=ros.Time(sec=int(at_s), nanosec=round(at_s % 1 * 1e9)), frame_id=frame_id)
+
+
+def image(depth, encoding="32FC1", pad=6, **more):
+    """An image whose rows are padded, as some drivers do."""
+    rows = b"".join(row.tobytes() + b"\xab" * pad for row in depth)
+    height, width = depth.shape
+    values = {"header": stamped(), "height": height, "width": width, "encoding": encoding, "step": width * depth.itemsize + pad}
+    return ros.Image(**(values | {"data": rows, "is_bigendian": int(depth.dtype.byteorder == ">")} | more))
+
+
+def info(depth, lens, **more):
+    fx, fy, cx, cy = (lens[f"{name}_px"] for name in ("fx", "fy", "cx", "cy"))
+    k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+    return ros.CameraInfo(**({"header": stamped(), "height": depth.shape[0], "width": depth.shape[1], "k": k} | more))
+
+
+def row(number=0, **more):
+    values = {"camera_from_grasp": POSE, "base_from_grasp": None, "workspace_from_grasp": POSE, "quality": 0.9 - 0.1 * number}
+    values |= {"width_m": 0.05, "robustness": None, "opening_m": 0.066, "object": None, "width_seen_share": 1.0}
+    return values | dict.fromkeys(("workspace_from_flange", "base_from_flange")) | more
+
+
+def answer(*rows, **more):
+    told = {"format": "graspmill-plan/3", "gripper": "franka_hand", "flange_from_grasp": POSE, "workspace_from_camera": None}
+    return told | {"grasps": list(rows), "reason": None, "warnings": []} | more
+
+
+LENS = {"fx_px": 5.0, "fy_px": 5.0, "cx_px": 2.0, "cy_px": 1.5}
+DEPTH = np.full((4, 5), 0.5, "<f4")
+
+
+def started(monkeypatch, robot, told=None, moveit=False):
+    """A node in these surroundings; its planner answers ``told`` and keeps what it was asked."""
+    for name, module in robot.modules(moveit).items():
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.delitem(sys.modules, "graspmill_ros.node", raising=False)
+    node = importlib.import_module("graspmill_ros.node").PlannerNode()
+    if told is not None:
+        robot.views = []
+        node.ask = lambda view: robot.views.append(view) or told
+    return node
+
+
+def sees(robot, depth=DEPTH, lens=LENS, **more):
+    robot.send("camera_info", info(depth, lens))
+    robot.send("depth", image(depth, **more))
+
+
+def refused(match, call):
+    with pytest.raises(sensing.RefusedError, match=match):
+        call()
+
+
+def pose_of(pose):
+    return list(vars(pose.position).values()), list(vars(pose.orientation).values())
+
+
+# What messages hold
+
+
+@pytest.mark.parametrize("kind", ["<u2", ">u2", "<f4", ">f4"])
+@pytest.mark.parametrize("pad", [0, 3, 6])
+def test_depths_of_every_encoding_are_metres(kind, pad):
+    depth = np.array([[0, 500, 1234], [65535, 1, 2]], kind)
+    unit_m = 0.001 if kind.endswith("u2") else 1.0
+    told = sensing.depth_m(image(depth, "16UC1" if kind.endswith("u2") else "32FC1", pad))
+    np.testing.assert_array_equal(told, (depth.astype(np.float64) * unit_m).astype(np.float32))
+    assert told.dtype == np.float32
+
+
+def test_what_was_not_seen_is_zero():
+    depth = np.array([[np.nan, np.inf, -1.0, 0.0, 0.7]], "<f4")
+    np.testing.assert_array_equal(sensing.depth_m(image(depth)), np.array([[0, 0, 0, 0, 0.7]], np.float32))
+    tenths = np.array([[5000]], "<u2")
+    assert sensing.depth_m(image(tenths, "16UC1"), 0.0001) == np.float32(0.5)
+
+
+def test_the_last_row_may_lack_its_padding():
+    whole = image(DEPTH)
+    cut = image(DEPTH, data=whole.data[:-6])
+    np.testing.assert_array_equal(sensing.depth_m(cut), DEPTH)
+
+
+def test_wrong_images_are_refused():
+    refused("must be encoded as 16UC1, mono16, 32FC1, got 'rgb8'", lambda: sensing.depth_m(image(DEPTH, "rgb8")))
+    refused("must have 4 rows of 26 bytes, got 97 bytes", lambda: sensing.depth_m(image(DEPTH, data=image(DEPTH).data[:-7])))
+    refused("rows of 4 bytes each or more, got 5 x 4 pixels in rows of 19", lambda: sensing.depth_m(image(DEPTH, step=19)))
+    refused("must have pixels", lambda: sensing.depth_m(image(DEPTH, height=0)))
+
+
+def test_a_mask_has_the_images_size():
+    mask = np.zeros((4, 5), np.uint8)
+    mask[1, 2] = 255
+    told = sensing.mask_of(image(mask, "mono8", 1), DEPTH)
+    assert told.dtype == bool and np.argwhere(told).tolist() == [[1, 2]]
+    refused("the mask must have the depth image's size, 5 x 4, got 4 x 5", lambda: sensing.mask_of(image(mask.T.copy(), "mono8"), DEPTH))
+    refused("the mask must be encoded as mono8, 8UC1, got 'bgr8'", lambda: sensing.mask_of(image(mask, "bgr8"), DEPTH))
+
+
+def test_intrinsics_are_those_of_the_rectified_image():
+    assert sensing.intrinsics(info(DEPTH, LENS), DEPTH) == [5.0, 5.0, 2.0, 1.5]
+    p = [4.0, 0.0, 2.1, 0.0, 0.0, 4.5, 1.4, 0.0, 0.0, 0.0, 1.0, 0.0]
+    assert sensing.intrinsics(info(DEPTH, LENS, p=p), DEPTH) == [5.0, 5.0, 2.0, 1.5]
+    assert sensing.intrinsics(info(DEPTH, LENS, p=p, d=[0.1, 0.0, 0.0, 0.0, 0.0]), DEPTH) == [4.0, 4.5, 2.1, 1.4]
+    assert sensing.intrinsics(info(DEPTH, LENS, height=0, width=0), DEPTH)[0] == 5.0
+    refused("a calibrated camera, whose k has focal lengths", lambda: sensing.intrinsics(info(DEPTH, LENS, k=[0.0] * 9), DEPTH))
+    refused("the depth image's size, 5 x 4, got 10 x 8", lambda: sensing.intrinsics(info(DEPTH, LENS, width=10, height=8), DEPTH))
+
+
+@pytest.mark.parametrize("is_big", [False, True])
+def test_clouds_are_points_that_are_finite(is_big):
+    points = np.array([[[1, 2, 3], [4, np.nan, 6]], [[7, 8, 9], [np.inf, 1, 2]]], ">f4" if is_big else "<f4")
+    step, row_step = 20, 44
+    data = bytearray(2 * row_step)
+    for y, x in np.ndindex(2, 2):
+        for axis, offset in enumerate((8, 4, 16)):
+            at = y * row_step + x * step + offset
+            data[at : at + 4] = points[y, x, axis : axis + 1].tobytes()
+    names = zip("xyz", (8, 4, 16))
+    fields = [ros.PointField(name=name, offset=offset, datatype=7, count=1) for name, offset in names]
+    values = {"height": 2, "width": 2, "fields": fields, "is_bigendian": is_big, "point_step": step, "row_step": row_step}
+    cloud = ros.PointCloud2(**values, data=bytes(data))
+    assert sensing.points_m(cloud).tolist() == [[1, 2, 3], [7, 8, 9]]
+    refused("must have 2 rows of 44 bytes, got 60 bytes", lambda: sensing.points_m(ros.PointCloud2(**values, data=bytes(60))))
+    without = values | {"fields": fields[:2]}
+    refused("must have x, y and z as FLOAT32, got the fields x, y", lambda: sensing.points_m(ros.PointCloud2(**without, data=bytes(data))))
+
+
+def transform(position, turn, at_s=99.9):
+    moved = ros.Transform(translation=ros.Vector3(**dict(zip("xyz", position))), rotation=ros.Quaternion(**dict(zip("xyzw", turn))))
+    return ros.TransformStamped(header=stamped(at_s, "base"), transform=moved)
+
+
+def test_a_pose_is_that_of_its_image():
+    still = transform([1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0005], at_s=0.0)
+    assert sensing.base_from_camera(still, 99.9, 0.05) == [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0], "a static one has no stamp"
+    late = transform([1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0], at_s=98.9)
+    refused("must be within 0.05 s of the image, got one 1.000 s apart", lambda: sensing.base_from_camera(late, 99.9, 0.05))
+    for turn in ([0.0, 0.0, 0.0, 0.0], [0.0, 0.0, np.nan, 1.0]):
+        refused("a quaternion of length 1", lambda turn=turn: sensing.base_from_camera(transform([0.0] * 3, turn), 99.9, 0.05))
+
+
+def test_a_matrix_turns_as_its_quaternion():
+    half = np.sqrt(0.5)
+    told = sensing.matrix([1.0, 2.0, 3.0, 0.0, 0.0, half, half])  # a quarter turn about z
+    np.testing.assert_allclose(told, [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]], atol=1e-15)
+
+
+# Parameters and rows
+
+
+def test_the_shipped_parameters_are_the_defaults():
+    yaml = pytest.importorskip("yaml", reason="yaml is not installed")
+    shipped = yaml.safe_load((PACKAGE / "config/params.yaml").read_text())
+    assert shipped == {"graspmill_planner": {"ros__parameters": planning.DEFAULTS}}
+    assert [type(one) for one in shipped["graspmill_planner"]["ros__parameters"].values()] == [type(one) for one in planning.DEFAULTS.values()]
+
+
+def test_wrong_parameters_are_all_named():
+    values = planning.DEFAULTS | {"url": "localhost", "grasps_max": 0, "crop_px": [1, 2], "use_cloud": True, "use_mask": True}
+    for text in ("url must begin with http", "grasps_max must be at least 1, got 0", "crop_px must be 4 numbers, got 2", "got use_cloud"):
+        refused(text, lambda: planning.settings_of(values))
+    region = planning.DEFAULTS | {"region_m": [0.0, 0.0, 0.0, 1.0, 0.0, 1.0]}
+    refused("region_m must be a lower and an upper corner", lambda: planning.settings_of(region))
+
+
+def test_a_crop_is_what_counts_as_seen():
+    kept = sensing.cropped(DEPTH, (1, 0, 3, 2))
+    assert kept[0:2, 1:3].all() and np.count_nonzero(kept) == 4 and DEPTH.all()
+    refused("crop_px must be x0, y0, x1, y1 within 5 x 4, got", lambda: sensing.cropped(DEPTH, (0, 0, 6, 4)))
+
+
+def test_grasps_outside_the_region_are_passed_over():
+    far = POSE | {"position_m": [0.9, 0.2, 0.5]}
+    told = answer(row(0, camera_from_grasp=far), row(1), row(2))
+    settings = planning.settings_of(planning.DEFAULTS | {"region_m": [0.0, 0.0, 0.0, 0.5, 0.5, 0.5]})
+    assert [one.number for one in planning.ranked(told, settings)] == [1, 2]
+    assert [one.number for one in planning.ranked(told, settings, 1)] == [1]
+    nothing = answer(row(0, camera_from_grasp=far))
+    assert planning.reason(nothing, planning.ranked(nothing, settings)) == "none of 1 grasps is within region_m"
+    refused("the plan's grasps must have camera_from_grasp", lambda: planning.ranked(answer({"quality": 1}), settings))
+
+
+def test_a_fork_has_its_tips_as_far_apart_as_the_hand_opens():
+    [one] = planning.ranked(answer(row()), planning.Settings())
+    lines = planning.fork(one)  # the hand is turned by a half turn about x: z down, y back
+    np.testing.assert_allclose(lines[:2, 0], [[0.1, 0.233, 0.5], [0.1, 0.167, 0.5]], atol=1e-12)
+    np.testing.assert_allclose(lines[3], [[0.1, 0.2, 0.54], [0.1, 0.2, 0.58]], atol=1e-12)
+
+
+# The node
+
+
+def test_a_plan_becomes_messages(monkeypatch):
+    robot = ros.Robot()
+    started(monkeypatch, robot, answer(row(0, object=3), row(1, width_m=None, robustness=0.7), warnings=["a border"]))
+    sees(robot)
+    told = robot.call("plan_now", ros.Answered())
+    assert (told.success, told.message) == (True, "2 grasps, the best 0.900")
+    [poses], [ranked], [markers] = (robot.published[name] for name in ("grasps", "ranked_grasps", "markers"))
+    for header in (poses.header, ranked.header, markers.markers[0].header):
+        assert (header.frame_id, header.stamp.sec, header.stamp.nanosec) == ("optical", 99, 900000000)
+    assert [pose_of(pose) for pose in poses.poses] == [(POSE["position_m"], POSE["quaternion_xyzw"])] * 2
+    first, second = ranked.grasps
+    assert (first.quality, first.width_m, first.opening_m, first.object) == (0.9, 0.05, 0.066, 3) and np.isnan(first.robustness)
+    assert (second.quality, second.robustness, second.object) == (0.8, 0.7, -1) and np.isnan(second.width_m)
+    assert robot.logged == ranked.warnings == ["a border"] and ranked.reason == ""
+    marker = markers.markers[0]
+    assert len(marker.points) == len(marker.colors) == 16 and marker.type == ros.Marker.LINE_LIST
+
+
+def test_no_grasp_is_an_answer(monkeypatch):
+    robot = ros.Robot()
+    started(monkeypatch, robot, answer(reason="no grasp has a quality of 0.5 or more"))
+    sees(robot)
+    told = robot.call("plan_now", ros.Answered())
+    assert not told.success and told.message == "no grasp has a quality of 0.5 or more"
+    assert robot.published["grasps"][0].poses == [] and robot.published["ranked_grasps"][0].reason == told.message
+    assert robot.published["markers"][0].markers[0].action == ros.Marker.DELETE
+
+
+class Goal:
+    def __init__(self, grasps_max=0):
+        self.request, self.states, self.stages = types.SimpleNamespace(grasps_max=grasps_max), [], []
+        self.succeed, self.abort = (lambda name=name: self.states.append(name) for name in ("succeed", "abort"))
+
+    def publish_feedback(self, feedback):
+        self.stages.append(feedback.stage)
+
+
+def test_the_action_has_the_grasps_as_its_result(monkeypatch):
+    robot = ros.Robot()
+    started(monkeypatch, robot, answer(row(0), row(1), row(2)))
+    act = robot.services["plan_grasps"]
+    result = act(goal := Goal())
+    assert goal.states == ["abort"] and result.ranked.reason == "a message on /depth must have come, got none"
+    sees(robot)
+    result = act(goal := Goal(2))
+    assert goal.states == ["succeed"] and goal.stages == ["reading", "planning"]
+    assert [one.quality for one in result.ranked.grasps] == [0.9, 0.8]
+
+
+def test_moveit_gets_grasps_where_it_is_installed(monkeypatch):
+    pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+    robot = ros.Robot()
+    started(monkeypatch, robot, answer(row(0), row(1)), moveit=True)
+    assert robot.call("plan_for_moveit", ros.Grasps()).error_code.val == ros.ErrorCodes.FAILURE
+    sees(robot)
+    told = robot.call("plan_for_moveit", ros.Grasps())
+    assert told.error_code.val == ros.ErrorCodes.SUCCESS and [one.id for one in told.grasps] == ["grasp_0", "grasp_1"]
+    header = told.grasps[0].grasp_pose.header
+    assert (header.frame_id, header.stamp.sec, told.grasps[0].grasp_quality) == ("optical", 99, 0.9)
+    robot = ros.Robot()
+    started(monkeypatch, robot, answer())
+    assert "plan_for_moveit" not in robot.services
+
+
+def test_a_rate_plans_on_new_images_only(monkeypatch):
+    robot = ros.Robot(rate_hz=4.0)
+    started(monkeypatch, robot, answer(row()))
+    [(period_s, tick)] = robot.timers
+    tick()
+    assert period_s == 0.25 and robot.logged == ["a message on /depth must have come, got none"]
+    sees(robot)
+    tick()
+    tick()
+    assert len(robot.views) == 1
+    sees(robot, header=stamped(99.95))
+    tick()
+    assert len(robot.views) == 2
+
+
+def test_the_cameras_pose_is_that_at_the_stamp(monkeypatch):
+    robot = ros.Robot(base_frame="base")
+    started(monkeypatch, robot, answer(row(base_from_grasp=POSE | {"position_m": [0.6, 0.0, 0.1]})))
+    robot.transform = transform([1.0, 2.0, 3.0], [1.0, 0.0, 0.0, 0.0])
+    sees(robot)
+    assert robot.call("plan_now", ros.Answered()).success
+    assert robot.asked == [("base", "optical", pytest.approx(99.9), 0.2)]
+    assert robot.views[0].base_from_camera == [1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]
+    [poses] = robot.published["grasps"]
+    assert poses.header.frame_id == "base" and pose_of(poses.poses[0])[0] == [0.6, 0.0, 0.1]
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"transform": ros.TransformException("extrapolation into the future")}, "TF must have optical in base at the image's 99.900 s, got extrap"),
+        ({"transform": transform([0.0] * 3, [0.0, 0.0, 0.0, 1.0], at_s=95.0)}, "must be within 0.05 s of the image, got one 4.900 s apart"),
+        ({"now_s": 105.0}, "the newest depth must be at most 1 s old, got 5.1 s"),
+    ],
+)
+def test_old_images_and_poses_are_refused_and_the_node_goes_on(monkeypatch, change, match):
+    robot = ros.Robot(base_frame="base")
+    started(monkeypatch, robot, answer(row(base_from_grasp=POSE)))
+    fresh = {"transform": transform([0.0] * 3, [0.0, 0.0, 0.0, 1.0]), "now_s": 100.0}
+    sees(robot)
+    for name, value in (fresh | change).items():
+        setattr(robot, name, value)
+    told = robot.call("plan_now", ros.Answered())
+    assert not told.success and match in told.message and robot.published["grasps"] == []
+    for name, value in fresh.items():
+        setattr(robot, name, value)
+    assert robot.call("plan_now", ros.Answered()).success
+
+
+def test_an_image_without_a_stamp_has_no_pose(monkeypatch):
+    robot = ros.Robot(base_frame="base", image_age_s_max=0.0)
+    started(monkeypatch, robot, answer())
+    sees(robot, header=stamped(0.0))
+    assert robot.call("plan_now", ros.Answered()).message == "the image must have a stamp for the camera's pose, got 0"
+
+
+def test_a_mask_goes_with_its_image(monkeypatch):
+    robot = ros.Robot(use_mask=True)
+    started(monkeypatch, robot, answer(row()))
+    sees(robot)
+    assert robot.call("plan_now", ros.Answered()).message == "a message on /mask must have come, got none"
+    mask = np.eye(4, 5, dtype=np.uint8)
+    robot.send("mask", image(mask, "mono8", header=stamped(95.0)))
+    assert "the mask must be within 1 s of the image, got 4.9 s" in robot.call("plan_now", ros.Answered()).message
+    robot.send("mask", image(mask[:3], "mono8"))
+    assert "got 5 x 3" in robot.call("plan_now", ros.Answered()).message
+    robot.send("mask", image(mask, "mono8"))
+    assert robot.call("plan_now", ros.Answered()).success
+    np.testing.assert_array_equal(robot.views[0].mask, mask != 0)
+    np.testing.assert_array_equal(np.load(_bytes_of(planning.request(robot.views[0])["views"][0]["mask"])), mask != 0)
+
+
+def _bytes_of(file):
+    import base64
+    import io
+
+    return io.BytesIO(base64.b64decode(file["data"]))
+
+
+# The planner
+
+
+def test_a_planner_that_is_away_is_named_and_the_node_goes_on(monkeypatch):
+    with socket.create_server(("127.0.0.1", 0)) as nobody:
+        port = nobody.getsockname()[1]
+    robot = ros.Robot(url=f"http://127.0.0.1:{port}")
+    node = started(monkeypatch, robot)
+    sees(robot)
+    told = robot.call("plan_now", ros.Answered())
+    assert not told.success and told.message.startswith(f"the planner at http://127.0.0.1:{port}/v1/plan must answer (graspmill serve starts one)")
+    node.ask = lambda view: answer(row())
+    assert robot.call("plan_now", ros.Answered()).success
+
+
+def test_planning_in_this_process(monkeypatch):
+    graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+    box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075, 0, 0, 0, 1))
+    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
+    depth = graspmill.Scene([box]).render(camera)
+    want = graspmill.Planner().plan(depth, graspmill.Camera(640, 480, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px))
+    robot = ros.Robot(url="", grasps_max=5)
+    started(monkeypatch, robot)
+    sees(robot, depth, vars(camera))
+    assert robot.call("plan_now", ros.Answered()).success
+    rows = want.answer["grasps"][:5]
+    assert [pose_of(pose)[0] for pose in robot.published["grasps"][0].poses] == [row["camera_from_grasp"]["position_m"] for row in rows]
+    refused("the planner cannot be made: ", lambda: planning.in_process(planning.Settings(url="", config="nothing")))
+
+
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
     with running(tmp_path_factory.mktemp("ros")) as service:
@@ -157,34 +434,25 @@ def service(tmp_path_factory):
 
 
 @pytest.mark.parametrize("base", [False, True], ids=["upright", "base"])
-@pytest.mark.parametrize("encoding", ["16UC1", "32FC1", "32FC1 big-endian"])
-def test_the_ros_node_publishes_what_the_service_answers(service, encoding, base, one_demo_view, monkeypatch):
+def test_the_node_publishes_what_the_service_answers(service, base, one_demo_view, monkeypatch):
     depth_m, lens, pose = one_demo_view
-    name = encoding.split()[0]
-    if name == "16UC1":
-        depth = np.rint(depth_m * 1000).astype("<u2")
-    else:
-        depth = depth_m.astype(">f4" if "big" in encoding else "<f4")
-    request = {"views": [{"depth": file_of(npy(depth)), "intrinsics": lens, "workspace_from_camera": "table"}]}
+    request = {"views": [{"depth": file_of(npy(depth_m)), "intrinsics": lens, "workspace_from_camera": "table"}]}
     status, _, body = service.plan(request | ({"base_from_camera": pose} if base else {}))
     assert status == 200, body
-    transform = (pose["position_m"], pose["quaternion_xyzw"]) if base else None
-    [array], warnings = ros(depth, name, lens, transform, service, monkeypatch)
-    assert warnings == [] and array.header.frame_id == "camera_depth_optical_frame" and array.header.stamp == {"sec": 3}
-    expected = [grasp["camera_from_grasp"] for grasp in json.loads(body)["grasps"]]
+    robot = ros.Robot(url=f"http://127.0.0.1:{service.port}", base_frame="base" if base else "", grasps_max=10_000)
+    robot.transform = transform(pose["position_m"], pose["quaternion_xyzw"])
+    started(monkeypatch, robot)
+    sees(robot, depth_m, lens)
+    assert robot.call("plan_now", ros.Answered()).success
+    expected = [grasp["base_from_grasp" if base else "camera_from_grasp"] for grasp in json.loads(body)["grasps"]]
     assert expected, "nothing was planned, so nothing is compared"
-    published = [(list(vars(pose.position).values()), list(vars(pose.orientation).values())) for pose in array.poses]
-    assert published == [(pose["position_m"], pose["quaternion_xyzw"]) for pose in expected]
+    [array] = robot.published["grasps"]
+    assert [pose_of(pose) for pose in array.poses] == [(pose["position_m"], pose["quaternion_xyzw"]) for pose in expected]
 
 
-def test_the_ros_node_goes_on_without_a_service(monkeypatch):
-    with socket.create_server(("127.0.0.1", 0)) as nobody:
-        gone = types.SimpleNamespace(port=nobody.getsockname()[1])
-    depth = np.full((4, 5), 0.5, np.float32)
-    info = {"fx_px": 5.0, "fy_px": 5.0, "cx_px": 2.0, "cy_px": 1.5}
-    published, warnings = ros(depth, "32FC1", info, None, gone, monkeypatch)
-    assert published == [] and len(warnings) == 1 and warnings[0].startswith("no plan: ")
-
-
-def test_the_ros_node_is_short():
-    assert len(NODE.read_text().splitlines()) <= 40
+def test_what_the_service_refuses_is_told(service):
+    ask = planning.service(planning.Settings(url=f"http://127.0.0.1:{service.port}/v1/plan"))
+    refused("answered 422: .*intrinsics", lambda: ask(planning.View(DEPTH, [-1.0, 5.0, 2.0, 1.5])))
+    other = planning.service(planning.Settings(url=f"http://127.0.0.1:{service.port}", gripper="franka_hand"))
+    view = planning.View(np.full((48, 64), 0.55, np.float32), [80.0, 80.0, 31.5, 23.5])
+    refused("must plan for franka_hand, got parallel_jaw_80", lambda: other(view))
