@@ -11,6 +11,7 @@ import sys
 import tomllib
 import types
 import zlib
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -217,6 +218,38 @@ def test_the_shipped_parameters_are_the_defaults():
     shipped = yaml.safe_load((PACKAGE / "config/params.yaml").read_text())
     assert shipped == {"graspmill_planner": {"ros__parameters": planning.DEFAULTS}}
     assert [type(one) for one in shipped["graspmill_planner"]["ros__parameters"].values()] == [type(one) for one in planning.DEFAULTS.values()]
+
+
+def test_the_packages_have_the_projects_version_and_all_their_files():
+    version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
+    for name in ("graspmill_interfaces", "graspmill_ros"):
+        assert ElementTree.parse(PACKAGE.parent / name / "package.xml").findtext("version") == version, name
+    setup = (PACKAGE / "setup.py").read_text()
+    assert f'version="{version}"' in setup
+    named = [PACKAGE / path for path in ("package.xml", "launch/planner.launch.py", "config/params.yaml", "resource/graspmill_ros")]
+    assert all(path.exists() and path.name in setup.replace("{NAME}", "graspmill_ros") for path in named)
+
+
+@pytest.mark.parametrize("parameters", [{"use_mask": True}, {"use_cloud": True}], ids=["depth", "cloud"])
+def test_the_launch_file_maps_every_topic_that_the_node_takes(monkeypatch, parameters):
+    robot, started_with = ros.Robot(**parameters), []
+    started(monkeypatch, robot, answer())
+    same = types.SimpleNamespace(
+        LaunchDescription=list,
+        DeclareLaunchArgument=lambda name, default_value: name,
+        LaunchConfiguration=lambda name: name,
+        Node=lambda **given: started_with.append(given),
+        get_package_share_directory=lambda name: str(PACKAGE),
+    )
+    for name in ("ament_index_python", "ament_index_python.packages", "launch", "launch.actions", "launch.substitutions", "launch_ros"):
+        monkeypatch.setitem(sys.modules, name, same)
+    monkeypatch.setitem(sys.modules, "launch_ros.actions", same)
+    scope = {"__name__": "planner.launch"}
+    exec((PACKAGE / "launch/planner.launch.py").read_text(), scope)  # noqa: S102
+    *arguments, _ = scope["generate_launch_description"]()
+    mapped = dict(started_with[0]["remappings"])
+    assert robot.subscriptions.keys() <= mapped.keys() and arguments == [*mapped, "params"]
+    assert started_with[0]["executable"] == "planner" and '"planner = {NAME}.node:main"' in (PACKAGE / "setup.py").read_text().replace('f"', '"')
 
 
 def test_wrong_parameters_are_all_named():
