@@ -80,8 +80,8 @@ def page(module_name: str, names: list[str]) -> str:
 
 def main() -> None:
     package = importlib.import_module("graspmill")
-    torch = ["Batch", "GraspCropBatch", "GraspCropDataset", "GraspCropStream", "GraspDataset", "GraspStream", "VoxelNetwork", "loss"]
-    print("\n\n".join([HEAD.strip(), page("graspmill", package.__all__), page("graspmill.torch", torch)]))
+    torch = importlib.import_module("graspmill.torch")
+    print("\n\n".join([HEAD.strip(), page("graspmill", package.__all__), page("graspmill.torch", torch.__all__)]))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Datasets and the paper's network for PyTorch.
+"""Datasets, the paper's network and the judge for PyTorch.
 
 Needs ``pip install graspmill[torch]``. The samples and the split are those of ``graspmill fit``.
 """
@@ -27,6 +27,21 @@ try:
     from torch import Tensor, nn
 except ImportError as error:  # pragma: no cover
     raise ImportError("graspmill.torch needs PyTorch: pip install graspmill[torch]") from error
+
+from ._judge import Judge, judge_loss
+
+__all__ = [
+    "Batch",
+    "GraspCropBatch",
+    "GraspCropDataset",
+    "GraspCropStream",
+    "GraspDataset",
+    "GraspStream",
+    "Judge",
+    "VoxelNetwork",
+    "judge_loss",
+    "loss",
+]
 
 Split = Literal["train", "test", "test-attempts", "test-scenes", "all"]
 

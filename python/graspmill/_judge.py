@@ -1,0 +1,222 @@
+"""The judge in PyTorch, and its files: those of the trainer, bit by bit."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from typing import TYPE_CHECKING, Any, Mapping
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from . import _arrays
+from .crops import FEATURES
+from .dataset import Dataset
+from .errors import DataError, InputError
+from .scene import OUTCOMES
+
+if TYPE_CHECKING:
+    from .torch import GraspCropBatch
+
+#: Key and content of the header in a checkpoint (``network/src/checkpoint/header.rs``).
+_HEADER, _FORMAT_VERSION, _ARCHITECTURE = "graspmill", 1, "hand-judge-1"
+#: Id of a dataset that nobody stated.
+_UNKNOWN = "unknown (imported weights)"
+_NO_PROGRESS = {
+    "epoch": 0,
+    "batch": 0,
+    "step": 0,
+    "confusion": {name: 0 for name in ("true_positive", "false_positive", "true_negative", "false_negative")},
+    "sums_bits": [0, 0, 0, 0],
+    "best_accuracy_bits": None,
+}
+#: Values before the head: 16 channels of 2 · 5 · 7 positions of the crop and of 3 · 2 · 2 of the context.
+_SEEN, _SEEN_CONTEXT = 16 * 70, 16 * 12
+
+
+class Judge(nn.Module):
+    """The judge (``docs/judge.md``): it is asked about a grasp and answers how the attempt would end.
+
+    :meth:`load` reads ``models/judge.safetensors`` and every judge of ``graspmill fit``; what :meth:`save` writes is such
+    a file, for ``graspmill plan --model``, ``graspmill evaluate`` and :class:`graspmill.Planner`.
+
+    Args:
+        trained_for: What it is trained for: a :class:`graspmill.Dataset`, or the entry of that name of another judge.
+        robustness: Whether it has the output of the robustness; by default as ``trained_for`` says, which a dataset never
+            does, because :class:`GraspCropStream` has no such column.
+
+    Attributes:
+        trained_for: The gripper (of several the range of each number), the approach in metres, and the grid.
+        dataset_id: SHA-256 that names the dataset of its training, or a text if that is not known.
+        config: The recipe of its training, as TOML.
+    """
+
+    def __init__(self, trained_for: Dataset | Mapping[str, Any], *, robustness: bool | None = None) -> None:
+        super().__init__()
+        is_dataset = isinstance(trained_for, Dataset)
+        self.trained_for: dict[str, Any] = _scope(trained_for.info if isinstance(trained_for, Dataset) else trained_for, is_dataset)
+        if robustness is not None:
+            self.trained_for["robustness"] = _arrays.flag("robustness", robustness)
+        self.dataset_id: str = trained_for.id if isinstance(trained_for, Dataset) else _UNKNOWN
+        self.config: str = "# Trained with PyTorch.\n"
+
+        def conv(c_in: int, c_out: int, k: int, stride: int = 1) -> nn.Conv3d:
+            return nn.Conv3d(c_in, c_out, k, stride, k // 2)
+
+        self.conv1, self.conv2, self.conv3, self.reduce = conv(4, 16, 3, 2), conv(16, 32, 3, 2), conv(32, 32, 3), conv(32, 16, 1)
+        self.wide1, self.wide2 = conv(3, 16, 3, 2), conv(16, 16, 3, 2)
+        self.head1 = conv(_SEEN + _SEEN_CONTEXT + FEATURES, 128, 1)
+        self.head2, self.head3 = conv(128, 64, 1), conv(64, len(OUTCOMES), 1)
+        self.robustness: nn.Conv3d | None = conv(64, 1, 1) if self.trained_for.get("robustness") else None
+        for layer in self.modules():
+            if isinstance(layer, nn.Conv3d):  # He et al., 2015, as the trainer begins
+                bound = math.sqrt(6.0 / layer.weight[0].numel())
+                nn.init.uniform_(layer.weight, -bound, bound)
+                nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
+
+    def forward(self, crop: Tensor, context: Tensor, features: Tensor) -> Tensor:
+        """From what :class:`GraspCropBatch` has of ``B`` grasps to logits ``[B, 6]`` of ``graspmill.OUTCOMES``, and as a
+        seventh that of the robustness if it has one."""
+        x = F.relu(self.conv3(F.relu(self.conv2(F.relu(self.conv1(crop))))))
+        wide = self.wide2(F.relu(self.wide1(context)))
+        # Channels fastest, as the trainer has them.
+        x, wide = (part.permute(0, 2, 3, 4, 1) for part in (x, wide))
+        row = torch.cat([_product(self.reduce, x).flatten(1), wide.flatten(1), features], dim=1)
+        hidden = F.relu(_product(self.head2, F.relu(_product(self.head1, row))))
+        heads = [self.head3] if self.robustness is None else [self.head3, self.robustness]
+        return torch.cat([_product(head, hidden) for head in heads], dim=1)
+
+    def at(self, batch: GraspCropBatch) -> Tensor:
+        """Logits of the grasps of a batch, as :meth:`forward` gives them."""
+        logits: Tensor = self(batch["crop"], batch["context"], batch["features"])
+        return logits
+
+    def outcomes(self, batch: GraspCropBatch) -> Tensor:
+        """Probabilities of ``graspmill.OUTCOMES``, ``[B, 6]``; the last is that of ``held``. A grasp with ``hits_table``
+        fails whatever the judge says."""
+        return self.at(batch)[:, : len(OUTCOMES)].softmax(dim=1)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Judge:
+        """The judge of a checkpoint: ``best.safetensors`` or ``last.safetensors`` of a run, or a file of :meth:`save`.
+
+        Raises:
+            InputError: If the file has the weights of another network.
+            DataError: If it is damaged.
+        """
+        from safetensors import SafetensorError, safe_open
+
+        path = _arrays.path("path", path)
+        try:
+            with safe_open(path, "pt") as file:
+                header = _header((file.metadata() or {}).get(_HEADER), path)
+                tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith("adam.")}
+        except SafetensorError as error:
+            raise DataError(f"damaged checkpoint: {error}: {path}") from error
+        except FileNotFoundError as error:
+            raise InputError(f"no checkpoint here: {path}") from error
+        judge = cls(header["trained_for"])
+        _check_tensors(tensors, judge.state_dict(), path)
+        judge.load_state_dict(tensors, strict=True)
+        judge.dataset_id, judge.config = header["dataset_id"], header["config"]
+        return judge
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a checkpoint, which appears whole or not at all.
+
+        Raises:
+            DataError: If a weight is not finite: its training diverged.
+        """
+        from safetensors.torch import save
+
+        path = _arrays.path("path", path)
+        tensors = {name: tensor.detach().cpu().float().contiguous() for name, tensor in self.state_dict().items()}
+        for name, tensor in tensors.items():
+            if off := int((~tensor.isfinite()).sum()):
+                raise DataError(f"{name} must be finite, got {off} values that are not: the training diverged")
+        header = {
+            "format_version": _FORMAT_VERSION,
+            "architecture": _ARCHITECTURE,
+            "trained_for": self.trained_for,
+            "dataset_id": self.dataset_id,
+            "config": self.config,
+            "progress": _NO_PROGRESS,
+            "adam_steps": 0,
+            "made_by": "graspmill.torch",
+        }
+        text = json.dumps(header, separators=(",", ":"), ensure_ascii=False)
+        publish(path, save(tensors, {_HEADER: text}))
+
+
+def judge_loss(logits: Tensor, batch: GraspCropBatch) -> Tensor:
+    """The trainer's loss of a judge's outcomes, a scalar: the mean cross-entropy of logits ``[B, 6]``; a seventh counts for
+    nothing."""
+    return F.cross_entropy(logits[:, : len(OUTCOMES)], batch["outcome"])
+
+
+def publish(path: str | os.PathLike[str], content: bytes) -> None:
+    """Writes a file that appears whole or not at all: a file beside it, flushed, takes its name."""
+    target = os.path.abspath(path)
+    beside = f"{target}.{os.getpid()}.tmp"
+    try:
+        with open(beside, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, target)
+    except BaseException:
+        if os.path.exists(beside):
+            os.remove(beside)
+        raise
+
+
+def _product(layer: nn.Conv3d, x: Tensor) -> Tensor:
+    """A convolution of 1³ as a product of ``[…, c_in]``."""
+    return F.linear(x, layer.weight.flatten(1), layer.bias)
+
+
+def _scope(given: Mapping[str, Any], is_dataset: bool) -> dict[str, Any]:
+    """What a judge is trained for, as checkpoints state it (``Scope`` of ``network/src/judge.rs``)."""
+    if not is_dataset:
+        needed = {"gripper", "grid", "pregrasp_distance_m"}
+        if not isinstance(given, Mapping) or not needed <= set(given):
+            raise InputError(f"trained_for must be a dataset or have {', '.join(sorted(needed))}, got {_arrays.shown(given)}")
+        return dict(given)
+    hands = given.get("grippers") or [given["gripper"]]
+    # Where a hand is mounted decides no label, and is not stored.
+    hands = [{name: value for name, value in hand.items() if name != "flange_from_grasp"} for hand in hands]
+    spans = [[pick(hand[name] for hand in hands) for pick in (min, max)] for name in hands[0] if name != "name"]
+    several = {"hands": spans} if any(low != high for low, high in spans) else {}
+    way = {"pregrasp_distance_m": given["procedure"]["pregrasp_distance_m"], "grid": given["grid"]}
+    return {"gripper": hands[0], **several, **way}
+
+
+def _header(text: str | None, path: str) -> dict[str, Any]:
+    """The header of a judge's checkpoint."""
+    if text is None:
+        raise InputError(f"the file must be a checkpoint of graspmill, with the header {_HEADER!r}: {path}")
+    try:
+        header: dict[str, Any] = json.loads(text)
+        kind, version = header["architecture"], header["format_version"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise DataError(f"damaged {_HEADER!r} header: {error}: {path}") from error
+    if kind != _ARCHITECTURE:
+        raise InputError(f"architecture must be {_ARCHITECTURE!r}, a judge's, got {_arrays.shown(kind)}: {path}")
+    if version != _FORMAT_VERSION:
+        raise DataError(f"checkpoint format must be {_FORMAT_VERSION}, got {_arrays.shown(version)}: {path}")
+    if missing := [name for name in ("trained_for", "dataset_id", "config") if name not in header]:
+        raise DataError(f"damaged {_HEADER!r} header: {missing[0]} is missing: {path}")
+    return header
+
+
+def _check_tensors(got: Mapping[str, Tensor], wanted: Mapping[str, Tensor], path: str) -> None:
+    """Refuses weights of another network, and names the first that differs."""
+    for name in sorted({*got, *wanted}):
+        shapes = [list(tensors[name].shape) if name in tensors else "nothing" for tensors in (wanted, got)]
+        if shapes[0] != shapes[1]:
+            raise InputError(f"a checkpoint of another architecture: {name} must be of shape {shapes[0]}, got {shapes[1]}: {path}")
+        if not np.isfinite(got[name].numpy()).all():
+            raise DataError(f"{name} must be finite: the training that wrote it diverged: {path}")
