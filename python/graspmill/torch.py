@@ -5,16 +5,18 @@ Needs ``pip install graspmill[torch]``. The samples and the split are those of `
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
 from bisect import bisect_right
-from typing import TYPE_CHECKING, Any, Generic, Iterator, Literal, TypedDict, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Iterator, Literal, Mapping, TypedDict, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _arrays, _native
+from ._order import Block, Drawn, Numbers, Order
 from ._renamed import renamed
 from .crops import cut
 from .dataset import Dataset
@@ -23,6 +25,7 @@ from .scene import OUTCOMES
 
 try:
     import torch
+    import torch.distributed
     import torch.nn.functional as F
     from torch import Tensor, nn
 except ImportError as error:  # pragma: no cover
@@ -49,12 +52,17 @@ Split = Literal["train", "test", "test-attempts", "test-scenes", "all"]
 _SETS = {"train": 1, "test-attempts": 2, "test-scenes": 3}
 
 
-class Batch(TypedDict):
+class _Shared(TypedDict, total=False):
+    share: Tensor
+
+
+class Batch(_Shared):
     """``B`` samples of ``S`` scenes, each with one grid.
 
     ``tsdf`` is ``[S, 1, 40, 40, 40]``. The others have ``B`` entries: ``scene`` (index into ``tsdf``), ``voxel``
     ``[B, 3]`` (x, y, z), ``label`` (1 if the attempt held), ``rotation`` ``[B, 4]`` (quaternion x, y, z, w), ``width``
-    (opening in voxels; 0 unless the attempt held).
+    (opening in voxels; 0 unless the attempt held). A stream of one of several ranks adds ``share`` ``[1]``: times it, a
+    rank's mean loss counts for its samples, so that the mean over the ranks is that over all samples of the step.
     """
 
     tsdf: Tensor
@@ -65,12 +73,12 @@ class Batch(TypedDict):
     width: Tensor
 
 
-class GraspCropBatch(TypedDict):
+class GraspCropBatch(_Shared):
     """``B`` grasps as a judge sees them (:func:`graspmill.grasp_crops`).
 
     ``crop`` ``[B, 4, 8, 20, 28]``, ``context`` ``[B, 3, 12, 8, 8]``, ``features`` ``[B, 16]``, ``outcome`` (index into
     ``graspmill.OUTCOMES``), ``label`` (1 if the attempt held), ``hits_table`` (bool: the grasp fails for certain, so
-    the judge need not be asked; the training set has no such grasps).
+    the judge need not be asked; the training set has no such grasps), and ``share`` as in :class:`Batch`.
     """
 
     crop: Tensor
@@ -89,6 +97,8 @@ class _Renamed(dict[str, Tensor]):
 
 
 _B = TypeVar("_B", Batch, GraspCropBatch)
+#: A scene's grid, the rows of its block, and the row of each of its attempts.
+_Kept = tuple[NDArray[np.float32], dict[str, NDArray[Any]], dict[int, int]]
 
 
 #: Origin of a grasp in the shipped recipes: between the roots of the fingers.
@@ -139,11 +149,6 @@ class _Samples:
 
     def __len__(self) -> int:
         return int(self.wanted.sum())
-
-    def of_scene(self, scene: int) -> NDArray[np.intp]:
-        """The attempts of a scene that are in the split."""
-        start = scene * self.per_scene
-        return np.nonzero(self.wanted[start : start + self.per_scene])[0]
 
     def read(self, shard: int, scenes: list[int]) -> tuple[NDArray[np.float32], dict[tuple[int, int], int], dict[str, NDArray[Any]]]:
         """Grids of scenes of a shard, which ascend; the row of each (index of its scene, attempt); the rows."""
@@ -253,18 +258,29 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     the epoch and the number of workers alone. A worker holds at most ``buffer_scenes`` grids of a quarter of a megabyte
     and a block of 64 scenes. Further arguments are those of :class:`GraspDataset`; the seed is also the order's.
 
+    **Several ranks.** Where ``torch.distributed`` is initialised, or with ``rank`` and ``world_size``, an epoch has every
+    sample once over all ranks, and every rank has the same number of steps. Nothing is dropped or repeated: batches
+    differ by a sample or so instead, and their ``share`` says how much a rank's mean loss counts. Each rank reads its own
+    shards, and of shards at the border between two ranks its own scenes; all ranks must have the same number of workers.
+    With ``global_batch`` the batches are the same for every number of ranks and workers.
+
     Args:
         path: A dataset, or its folder or URL (for workers and a URL: ``multiprocessing_context="spawn"``).
         split: See :class:`GraspDataset`.
-        batch: Number of samples in a batch.
+        batch: Number of samples in a batch; of several ranks, in that of a rank.
         samples_per_scene: The largest number of samples of a scene that stay together and share its grid; by default 8,
             or ``batch`` if that is smaller.
         buffer_scenes: Number of such groups that are shuffled with each other.
         shuffle: Whether the order is shuffled; otherwise it is the stored one.
+        rank: The number of this rank, from 0; by default that of ``torch.distributed``, if it is initialised.
+        world_size: The number of ranks, likewise.
+        global_batch: Whether ``batch`` is that of all ranks together, who take a slice each. Ranks then read scenes of
+            all shards.
+
+    Raises:
+        InputError: If an argument is wrong; while it is read, if a rank would have no sample at a step.
     """
 
-    #: Scenes that are read together.
-    BLOCK = 64
     _has_crops: bool
 
     def __init__(
@@ -281,6 +297,9 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         other_share: float = 0.03,
         seed: int = 1,
         origin_behind_tips_m: float | None = None,
+        rank: int | None = None,
+        world_size: int | None = None,
+        global_batch: bool = False,
     ) -> None:
         self._samples = _Samples(path, split, by, test_share, other_share, seed, self._has_crops, origin_behind_tips_m)
         self.batch = _arrays.whole("batch", batch, 1, 1_000_000)
@@ -288,73 +307,133 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         self.samples_per_scene = _arrays.whole("samples_per_scene", together, 1, self.batch)
         self.buffer_scenes = _arrays.whole("buffer_scenes", buffer_scenes, 1, 1_000_000)
         self.shuffle, self.seed, self.epoch = _arrays.flag("shuffle", shuffle), seed, 0
+        self.global_batch, self.step = _arrays.flag("global_batch", global_batch), 0
+        self._workers: int | None = None
+        place = _place(rank, world_size)
+        self.rank, self.world_size = place or (0, 1)
+        self._is_one_of_several = place is not None or self.global_batch
 
-    def set_epoch(self, epoch: int) -> None:
-        """Sets the epoch, from 0; each epoch has another order."""
+    @property
+    def _order(self) -> Order:
+        native, samples = self._samples.dataset._native, self._samples
+        return Order(
+            scenes=[native.scenes_of(shard) for shard in range(samples.dataset.shard_count)],
+            wanted=samples.wanted.reshape(-1, samples.per_scene),
+            batch=self.batch,
+            together=self.samples_per_scene,
+            buffer=self.buffer_scenes,
+            shuffle=self.shuffle,
+            is_mirrored=self._has_crops and self.shuffle,
+            seed=self.seed,
+            rank=self.rank,
+            ranks=self.world_size,
+            is_even=self._is_one_of_several,
+            is_shared=self.global_batch,
+        )
+
+    def set_epoch(self, epoch: int, step: int = 0) -> None:
+        """Sets the epoch, from 0, and the step at which it begins; each epoch has another order."""
         self.epoch = _arrays.whole("epoch", epoch, 0, 2**31)
+        self.step, self._workers = _arrays.whole("step", step, 0, 2**31), None
 
     @property
     def sample_count(self) -> int:
-        """Number of samples in the split."""
+        """Number of samples in the split, of all ranks."""
         return len(self._samples)
+
+    def steps(self, workers: int = 0) -> int:
+        """Number of steps of the epoch with so many workers; it is the same on every rank."""
+        workers = _arrays.whole("workers", workers, 0, 1024)
+        return len(self._order.turns(self.epoch, max(workers, 1))[0].size)
+
+    def state_dict(self, step: int, workers: int = 0) -> dict[str, Any]:
+        """Where the stream is after so many steps of its epoch: numbers and texts, for a checkpoint.
+
+        Args:
+            step: Number of batches that were used in this epoch; a DataLoader has read more.
+            workers: ``num_workers`` of the DataLoader.
+        """
+        step = _arrays.whole("step", step, 0, 2**31)
+        workers = _arrays.whole("workers", workers, 0, 1024)
+        return {"epoch": self.epoch, "step": step, "workers": workers, **self._identity()}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Goes on where a stream was: the next pass begins after the steps that were done. It reads what it needs alone.
+
+        Between epochs, and with ``global_batch``, the numbers of ranks and workers may be others than before.
+
+        Raises:
+            InputError: If the state is of another stream: it names the difference.
+        """
+        own = {**self._identity(), "epoch": 0, "step": 0, "workers": 0}
+        if not isinstance(state, Mapping) or set(state) != set(own):
+            raise InputError(f"state must be that of state_dict, with {', '.join(sorted(own))}, got {_arrays.shown(state)}")
+        for name, value in self._identity().items():
+            if state[name] != value and (name != "ranks" or state["step"]):
+                differs = f"{name} must be {_arrays.shown(value)}, got {_arrays.shown(state[name])}"
+                raise InputError(f"state must be of the same order: {differs}")
+        self.set_epoch(state["epoch"], state["step"])
+        self._workers = None if self.global_batch else _arrays.whole("workers", state["workers"], 0, 1024)
+
+    def _identity(self) -> dict[str, Any]:
+        """What decides the order besides the epoch, the step and the workers."""
+        names = ("batch", "samples_per_scene", "buffer_scenes", "shuffle", "seed", "global_batch")
+        ranks = 0 if self.global_batch else self.world_size
+        samples = hashlib.sha256(np.packbits(self._samples.wanted).tobytes()).hexdigest()
+        own = {"dataset": self._samples.dataset.id, "samples": samples, "ranks": ranks, "is_even": self._is_one_of_several}
+        return {**own, **{name: getattr(self, name) for name in names}}
 
     def __iter__(self) -> Iterator[_B]:
         worker = torch.utils.data.get_worker_info()
         number, count = (0, 1) if worker is None else (worker.id, worker.num_workers)
-        order = np.random.default_rng([self.seed, self.epoch])
-        blocks: list[tuple[int, range]] = []
-        for shard in range(self._samples.dataset.shard_count):
-            first, end = self._samples.dataset._native.scenes_of(shard)
-            blocks.extend((shard, range(at, min(at + self.BLOCK, end))) for at in range(first, end, self.BLOCK))
-        if self.shuffle:
-            order.shuffle(blocks)
-        own = np.random.default_rng([self.seed, self.epoch, number])
-        yield from self._joined(self._parts(blocks[number::count], own), own)
+        if self._workers is not None and max(self._workers, 1) != count and self.step:
+            raise InputError(f"num_workers must be {self._workers}, that of the state, to go on within an epoch, got {count}")
+        order, now = self._order, (self.epoch, self.step, number, count)
+        return self._filled(order, order.taken(*now), order.left(*now))
 
-    def _parts(self, blocks: list[tuple[int, range]], own: np.random.Generator) -> Iterator[tuple[Any, Any, Any]]:
-        """Grids, each with a group of its rows."""
-        waiting: list[tuple[Any, Any, Any]] = []
-        for shard, scenes in blocks:
-            wanted = [scene for scene in scenes if len(self._samples.of_scene(scene))]
-            if not wanted:
-                continue
-            grids, where, rows = self._samples.read(shard, wanted)
-            for place, scene in enumerate(wanted):
-                grid = grids[place].copy()  # a view would keep the whole block
-                attempts = self._samples.of_scene(scene)
-                if self.shuffle:
-                    own.shuffle(attempts)
-                own_rows = np.array([where[place, int(attempt)] for attempt in attempts])
-                for at in range(0, len(own_rows), self.samples_per_scene):
-                    waiting.append((grid, rows, own_rows[at : at + self.samples_per_scene]))
-            while len(waiting) > self.buffer_scenes:
-                yield waiting.pop(int(own.integers(len(waiting))) if self.shuffle else 0)
-        while waiting:
-            yield waiting.pop(int(own.integers(len(waiting))) if self.shuffle else 0)
+    def _filled(self, order: Order, taken: Iterator[Drawn], left: Numbers) -> Iterator[_B]:
+        """Batches of what was drawn, given how much is left to come of each scene."""
+        kept: dict[int, _Kept] = {}
+        for drawn in taken:
+            held = []
+            for scene, attempts in drawn.parts:
+                if scene not in kept:
+                    kept.update(self._read(order.block_of(scene), left))
+                grid, rows, row_of = kept[scene]
+                held.append((grid, rows, np.array([row_of[attempt] for attempt in attempts.tolist()])))
+                left[scene] -= len(attempts)
+                if not left[scene]:
+                    del kept[scene]
+            yield self._together(held, drawn)
 
-    def _joined(self, parts: Iterator[tuple[Any, Any, Any]], own: np.random.Generator) -> Iterator[_B]:
-        """Groups of samples as batches; the last may be smaller."""
-        held: list[tuple[Any, Any, Any]] = []
-        size = 0
-        for grid, rows, chosen in parts:
-            while size + len(chosen) >= self.batch:
-                room = self.batch - size
-                held.append((grid, rows, chosen[:room]))
-                yield self._together(held, own)
-                held, size, chosen = [], 0, chosen[room:]
-            if len(chosen):
-                held.append((grid, rows, chosen))
-                size += len(chosen)
-        if held:
-            yield self._together(held, own)
+    def _read(self, block: Block, left: Numbers) -> dict[int, _Kept]:
+        """What is left to come of a block."""
+        due = [scene for scene in block[1] if left[scene]]
+        grids, where, rows = self._samples.read(block[0], due)
+        # Copies, for a view would keep the whole block.
+        kept: dict[int, _Kept] = {scene: (grids[place].copy(), rows, {}) for place, scene in enumerate(due)}
+        for (place, attempt), row in where.items():
+            kept[due[place]][2][attempt] = row
+        return kept
 
-    def _together(self, held: list[tuple[Any, Any, Any]], own: np.random.Generator) -> _B:
+    def _together(self, held: list[tuple[NDArray[np.float32], dict[str, NDArray[Any]], NDArray[np.intp]]], drawn: Drawn) -> _B:
         rows = {name: np.concatenate([rows[name][chosen] for _, rows, chosen in held]) for name in held[0][1]}
         scene = np.repeat(np.arange(len(held)), [len(chosen) for *_, chosen in held])
-        count = len(scene)
-        is_mirrored = self._has_crops and self.shuffle
-        mirrored = own.integers(0, 4, count, dtype=np.uint32) if is_mirrored else np.zeros(count, np.uint32)
-        return cast(_B, self._samples.batch(np.stack([grid for grid, *_ in held]), scene, rows, mirrored))
+        batch = self._samples.batch(np.stack([grid for grid, *_ in held]), scene, rows, drawn.mirrored)
+        if self._is_one_of_several:
+            batch["share"] = torch.tensor([drawn.share], dtype=torch.float32)
+        return cast(_B, batch)
+
+
+def _place(rank: int | None, world_size: int | None) -> tuple[int, int] | None:
+    """Number of this rank and number of ranks: those given, or those of ``torch.distributed``, or none."""
+    if rank is None and world_size is None:
+        is_there = torch.distributed.is_available() and torch.distributed.is_initialized()
+        return (torch.distributed.get_rank(), torch.distributed.get_world_size()) if is_there else None
+    if rank is None or world_size is None:
+        raise InputError(f"rank and world_size must be given together, got {rank} and {world_size}")
+    ranks = _arrays.whole("world_size", world_size, 1, 65_536)
+    return _arrays.whole("rank", rank, 0, ranks - 1), ranks
 
 
 class GraspStream(_Stream[Batch]):

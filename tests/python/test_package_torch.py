@@ -12,6 +12,7 @@ import pytest
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 torch = pytest.importorskip("torch")
 
+import graspmill._order  # noqa: E402
 import graspmill.torch as gt  # noqa: E402
 from graspmill._arrays import matrices  # noqa: E402
 
@@ -76,8 +77,8 @@ def test_a_stream_has_every_sample_once_in_a_seeded_order(dataset, workers):
 
 
 def test_a_stream_holds_no_more_grids_than_it_may(dataset, monkeypatch):
+    monkeypatch.setattr(graspmill._order, "BLOCK", 2)
     stream = gt.GraspStream(dataset, "train", batch=8, samples_per_scene=8, buffer_scenes=3)
-    stream.BLOCK = 2
     read, blocks, alive = stream._samples.read, [], []
 
     def watched(*arguments):
@@ -85,12 +86,18 @@ def test_a_stream_holds_no_more_grids_than_it_may(dataset, monkeypatch):
         blocks.append(weakref.ref(grids))
         return grids, where, rows
 
-    monkeypatch.setattr(stream._samples, "read", watched)
-    for grid, rows, chosen in stream._parts([(0, range(at, at + 2)) for at in range(0, 8, 2)], np.random.default_rng(1)):
+    together = stream._together
+
+    def counted(held, drawn):
         # A view would keep its whole block.
-        assert grid.base is None and len(chosen) <= 8
+        assert all(grid.base is None and len(chosen) <= 8 for grid, _, chosen in held)
         alive.append(sum(block() is not None for block in blocks))
-    assert len(blocks) == 4 and max(alive) <= 2, alive
+        return together(held, drawn)
+
+    monkeypatch.setattr(stream._samples, "read", watched)
+    monkeypatch.setattr(stream, "_together", counted)
+    assert len(list(stream)) > 10
+    assert len(blocks) > 8 and max(alive) == 0, alive
 
 
 def box_of(low, high, counts):
