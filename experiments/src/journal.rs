@@ -170,6 +170,7 @@ mod tests {
             removed_count: 0,
             lost_count: 1,
             ending: Ending::NoGrasp,
+            no_answer: None,
             attempts: Vec::new(),
         }
     }

@@ -2,17 +2,20 @@
 //! every result carries its protocol's name and an interval.
 //!
 //! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], dropped or
-//! packed), [`round`] runs one round, [`run`] runs all of them, [`tables`] writes the rows, [`statistics`] computes the
-//! rates, and [`report`] and [`page`] present them.
+//! packed), [`offer`] says what a planner is asked, [`served`] is one behind an address, [`round`] runs one round,
+//! [`run`] runs all of them, [`tables`] writes the rows, [`statistics`] computes the rates, and [`report`] and [`page`]
+//! present them.
 
 pub mod config;
 mod files;
 mod journal;
+pub mod offer;
 pub mod page;
 pub mod record;
 pub mod report;
 pub mod round;
 pub mod run;
+pub mod served;
 pub mod start;
 pub mod statistics;
 pub mod tables;

@@ -20,6 +20,8 @@ words! {
         AttemptsMax = "attempts_max",
         /// The objects did not come to rest again.
         Unsettled = "unsettled",
+        /// A planner elsewhere failed, said nothing in time, or answered nonsense.
+        NoAnswer = "no_answer",
     }
 }
 
@@ -33,6 +35,7 @@ impl Ending {
             Self::Failures => "too many attempts in a row failed",
             Self::AttemptsMax => "the round's attempts were used up",
             Self::Unsettled => "the objects would not come to rest again",
+            Self::NoAnswer => "the planner failed, said nothing in time, or answered nonsense",
         }
     }
 }
@@ -58,6 +61,9 @@ pub struct Round {
     pub lost_count: u32,
     /// How it ended.
     pub ending: Ending,
+    /// Why a planner gave no answer, if the round ended by that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub no_answer: Option<String>,
     /// The grasps that were executed, in order.
     #[serde(rename = "trials")]
     pub attempts: Vec<Attempt>,

@@ -8,15 +8,15 @@
 use std::time::Instant;
 
 use perception::add_depth_noise;
-use planner::input::InputError;
-use planner::{FindTable, Observation, PlanOptions, Planner, View};
+use planner::View;
 use program::{ExitCode, Failure, error_chain};
-use schema::{Camera, Grid, Outcome, Pose, Purpose, Stream};
+use schema::{Camera, Outcome, Pose, Purpose, Stream};
 use simulator::{
     AttemptWorld, Execution, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again,
 };
 
-use crate::config::{Choice, Config, Frames, Touching};
+use crate::config::{Choice, Config, Touching};
+use crate::offer::{Look, NoPlan, Offer, Plans};
 use crate::record::{Attempt, AttemptObject, Ending, Round};
 use crate::start::{Start, UNVIABLE_MAX, start};
 
@@ -28,7 +28,7 @@ const TREMBLING_RAD_S: f32 = 1.0;
 ///
 /// # Errors
 /// If there is no scene, or the planner refuses the observation.
-pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Failure> {
+pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, Failure> {
     let (seed, scene_id) = (config.keys.seeds[(round / config.keys.rounds) as usize], round % config.keys.rounds);
     let failed = |why: String| Failure::new(ExitCode::Config, format!("round {round}: {why}"));
     let began = start(config, seed, scene_id);
@@ -49,6 +49,7 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Fai
         removed_count: 0,
         lost_count: 0,
         ending: Ending::Cleared,
+        no_answer: None,
         attempts: Vec::new(),
     };
     // The number of changes of the scene, and the grasps of its plan that were tried. An unchanged scene gives the same
@@ -66,10 +67,14 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Fai
             break Ending::AttemptsMax;
         }
         let mut noise = Stream::new(seed, scene_id, Purpose::DepthNoise, look);
-        let options = PlanOptions { avoid: failed_hands.clone(), ..PlanOptions::default() };
-        let found = try_once(config, planner, (&scene, &options), &mut noise, tried);
-        let Some((attempt, left)) = found.map_err(|error| failed(error_chain(&error)))? else {
-            break Ending::NoGrasp;
+        let (attempt, left) = match try_once(config, planner, (&scene, &failed_hands), &mut noise, tried) {
+            Ok(Some(tried)) => tried,
+            Ok(None) => break Ending::NoGrasp,
+            Err(NoPlan::Refused(error)) => return Err(failed(error_chain(&error))),
+            Err(NoPlan::NoAnswer(why)) => {
+                played.no_answer = Some(why);
+                break Ending::NoAnswer;
+            }
         };
         let is_held = attempt.outcome == Outcome::Held;
         played.removed_count += u32::from(is_held);
@@ -114,51 +119,36 @@ fn rest_again(config: &generator::Config, before: &Scene, left: &[SceneObject]) 
 /// without a grasp.
 fn try_once(
     config: &Config,
-    planner: &Planner,
-    (scene, options): (&Scene, &PlanOptions),
+    planner: &dyn Plans,
+    (scene, failed): (&Scene, &[Pose]),
     noise: &mut Stream,
     tried: usize,
-) -> Result<Option<(Attempt, Vec<SceneObject>)>, InputError> {
+) -> Result<Option<(Attempt, Vec<SceneObject>)>, NoPlan> {
     let began = Instant::now();
-    let mut views = observe(config, scene, noise);
-    let grid = config.scene.grid;
-    let mut options = PlanOptions {
-        workspace_size_m: (grid.resolution != Grid::PAPER.resolution).then_some(grid.size_m),
-        ..options.clone()
-    };
-    // Where the table is to be found, the planner knows nothing but the first camera's frame.
-    let workspace_from_first = match config.keys.frames {
-        Frames::Given => None,
-        Frames::Found => views.first().map(|view| view.camera.workspace_from_camera),
-    };
-    if let Some(workspace_from_first) = workspace_from_first {
-        let in_first = |pose: &mut Pose| *pose = workspace_from_first.inverse() * *pose;
-        views.iter_mut().for_each(|view| in_first(&mut view.camera.workspace_from_camera));
-        options.avoid.iter_mut().for_each(in_first);
-        (options.find_table, options.workspace_size_m) = (Some(FindTable::default()), None);
-    }
+    let views = observe(config, scene, noise);
     let observe_ms = milliseconds(began);
     let began = Instant::now();
-    let plan = planner.plan(&Observation::Views(views), &options)?;
+    let offers = planner.plan(Look { config, scene, views, failed })?;
     let plan_ms = milliseconds(began);
     let world = AttemptWorld::new(&config.scene.physics, &config.plan.gripper, &config.scene.procedure, scene);
-    let mut ends = plan.grasps.iter().skip(tried).map(|best| {
-        let found = workspace_from_first.zip(best.camera_from_grasp).map(|(first, grasp)| first * grasp);
-        let pose = found.unwrap_or(best.workspace_from_grasp);
+    let mut ends = offers.iter().skip(tried).map(|best| {
+        let pose = best.workspace_from_grasp;
         (best, pose, execute(config.keys.touching, &world, scene, &pose))
     });
     let chosen = match config.keys.choice {
         Choice::First => ends.next(),
         Choice::Holds => ends.find(|(.., (_, (execution, _)))| execution.outcome == Outcome::Held),
     };
-    let Some((best, pose, (target, (execution, poses)))) = chosen else { return Ok(None) };
+    let Some((Offer { width_m, quality, rho_m, .. }, pose, (target, (execution, poses)))) = chosen else {
+        return Ok(None);
+    };
     let attempt = Attempt {
         object_count: scene.objects.len() as u32,
-        planned_count: plan.grasps.len() as u32,
+        planned_count: offers.len() as u32,
         workspace_from_grasp: pose,
-        width_m: best.width_m.unwrap_or(best.opening_m),
-        quality: best.quality,
-        rho_m: best.rho_m,
+        width_m: *width_m,
+        quality: *quality,
+        rho_m: *rho_m,
         target_id: target as u32,
         objects: scene.objects.iter().map(AttemptObject::from).collect(),
         outcome: execution.outcome,

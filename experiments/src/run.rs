@@ -9,11 +9,11 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
-use planner::Planner;
 use program::{Context as _, ExitCode, Failure, thread_pool};
 
 use crate::config::Config;
 use crate::journal::{Identity, Journal};
+use crate::offer::Plans;
 use crate::record::Round;
 use crate::round::play;
 
@@ -25,7 +25,7 @@ use crate::round::play;
 /// If a round fails, a file cannot be written, or the folder holds another experiment.
 pub fn run(
     config: &Config,
-    planner: &Planner,
+    planner: &dyn Plans,
     threads: usize,
     folder: &Path,
     stop: &AtomicBool,
@@ -33,7 +33,7 @@ pub fn run(
 ) -> Result<Vec<Round>, Failure> {
     let identity = |digest: &String| Identity {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        model: planner.model_id.clone(),
+        model: planner.id(),
         config: digest.clone(),
         seeds: config.keys.seeds.clone(),
         // With one seed the number of rounds may change; with several seeds rounds are numbered consecutively.

@@ -279,6 +279,7 @@ mod tests {
             removed_count,
             lost_count: 0,
             ending,
+            no_answer: None,
             attempts,
         }
     }

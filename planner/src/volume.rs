@@ -58,10 +58,7 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
             };
             let seen: Vec<(Camera, &DepthImage)> = views.iter().map(|view| (view.camera, &view.image)).collect();
             let voxels = fuse_images(region.lattice, TRUNCATION_VOXELS, &seen);
-            // The bare table is as good in coarse voxels.
-            let above_m = grid.table_z_m + ROUGH_M;
-            let fine =
-                fine_lattice(&region.lattice, params).map(|fine| fuse_blocks(&fine, TRUNCATION_VOXELS, above_m, &seen));
+            let fine = fuse_finely(&region.lattice, params, workspace, &seen);
             let mut points_m = surface_cloud(&voxels, params.pitch_m);
             if let Some(fine) = &fine {
                 points_m.retain(|point_m| !fine.has(*point_m));
@@ -83,8 +80,20 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
             let (grid, reach_m) = (given.clone(), given.lattice.corners_m());
             Ok(Volume { grid, points_m, fine: None, reach_m, rendered: Vec::new(), warnings: Vec::new() })
         }
-        Observation::Cloud { points_m, eyes_m } => fuse_cloud(points_m, eyes_m, workspace, params.pitch_m),
+        Observation::Cloud { points_m, eyes_m } => fuse_cloud(points_m, eyes_m, workspace, params),
     }
+}
+
+/// The finer TSDF of what views show above the table: the bare table is as good in coarse voxels.
+fn fuse_finely(
+    lattice: &Lattice,
+    params: CloudParams,
+    workspace: &Workspace,
+    seen: &[(Camera, &DepthImage)],
+) -> Option<SurfaceBlocks> {
+    let (Workspace::Cube(grid) | Workspace::Seen(_, grid)) = workspace;
+    let above_m = grid.table_z_m + ROUGH_M;
+    fine_lattice(lattice, params).map(|fine| fuse_blocks(&fine, TRUNCATION_VOXELS, above_m, seen))
 }
 
 /// What is seen no higher than this above the table's height is the table.
@@ -154,7 +163,13 @@ const SPARSE_PITCHES: f32 = 1.5;
 /// Clustering solid blocks of points would take minutes.
 const THINNED_MAX: usize = 300_000;
 
-fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], workspace: &Workspace, pitch_m: f32) -> Result<Volume, InputError> {
+fn fuse_cloud(
+    points_m: &[Vec3],
+    eyes_m: &[Vec3],
+    workspace: &Workspace,
+    params: CloudParams,
+) -> Result<Volume, InputError> {
+    let pitch_m = params.pitch_m;
     let region = match workspace {
         Workspace::Cube(grid) => Region::cube(grid),
         Workspace::Seen(within_m, grid) => Region::of_points(points_m, *within_m, grid),
@@ -211,7 +226,8 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], workspace: &Workspace, pitch_m
     warnings.extend(hidden(hidden_m.len(), points_m.len(), eyes_m.len()));
     let seen: Vec<(Camera, &DepthImage)> = views.iter().map(|view| (view.camera, &view.image)).collect();
     let grid = fuse_images(lattice, TRUNCATION_VOXELS, &seen);
-    Ok(Volume { grid, points_m, fine: None, reach_m, rendered: views, warnings })
+    let fine = fuse_finely(&lattice, params, workspace, &seen);
+    Ok(Volume { grid, points_m, fine, reach_m, rendered: views, warnings })
 }
 
 /// A point is hidden if something is nearer to the eye by more than this many spacings, as in [`cloud_image`].

@@ -56,6 +56,15 @@ fn of(one: &Played) -> Vec<String> {
         warn(true, "No pictures of scenes: the folder has no journal.jsonl.".to_owned());
         return warnings;
     };
+    let silent: Vec<&str> = played.iter().filter_map(|round| round.no_answer.as_deref()).collect();
+    warn(
+        !silent.is_empty(),
+        format!(
+            "{} of {rounds} rounds ended because the planner gave no answer, the first with: {}.",
+            grouped(silent.len() as u64),
+            silent.first().copied().unwrap_or_default(),
+        ),
+    );
     let lost: u64 = played.iter().map(|round| u64::from(round.lost_count)).sum();
     warn(lost > 0, format!("Objects that left the workspace without being held: {}.", grouped(lost)));
     let seeds: BTreeSet<u64> = played.iter().map(|round| round.seed).collect();
@@ -106,6 +115,7 @@ mod tests {
             removed_count: u32::from(held),
             lost_count: 0,
             ending: if held { Ending::Cleared } else { Ending::Failures },
+            no_answer: None,
             attempts: vec![attempt],
         }
     }

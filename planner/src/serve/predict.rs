@@ -223,7 +223,7 @@ impl ConfigAnswer {
 pub(super) fn predict_bytes(planner: &Planner, frame: GraspFrame, body: &[u8]) -> Result<Planned, Fault> {
     let started = Instant::now();
     let input = parse(body)?;
-    let object_m = input.point_cloud.points("point_cloud")?;
+    let mut object_m = input.point_cloud.points("point_cloud")?;
     must_be_finite(&object_m, "point_cloud")?;
     if object_m.len() < POINTS_MIN {
         let got = object_m.len();
@@ -240,18 +240,20 @@ pub(super) fn predict_bytes(planner: &Planner, frame: GraspFrame, body: &[u8]) -
         return Err(geometry("must show the table under the object, got no points: scene_points".to_owned()));
     }
     points_m.extend(&object_m);
+    // The table is looked for as a camera at the origin sees it.
+    let eye_m = input.eye_m.map_or(Ok(Vec3::ZERO), |at_m| vector(at_m, "eye_m"))?;
+    object_m.iter_mut().chain(&mut points_m).for_each(|at_m| *at_m -= eye_m);
     let parsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let options = PlanOptions {
         find_table: Some(FindTable { down: direction(input.down)?, base_from_camera: None }),
         limits: Limits { target: Some(Target::Points(object_m)), ..Limits::default() },
         ..PlanOptions::default()
     };
-    let eyes_m = input.eye_m.map(|at_m| vector(at_m, "eye_m")).transpose()?.into_iter().collect();
-    let plan = planner.plan(&Observation::Cloud { points_m, eyes_m }, &options);
+    let plan = planner.plan(&Observation::Cloud { points_m, eyes_m: vec![Vec3::ZERO] }, &options);
     let plan = plan.map_err(|error| geometry(format!("{error}: point_cloud, scene_points")))?;
     let server_timing = server_timing(std::iter::once(("parse", parsed_ms)).chain(plan.timings_ms.iter().copied()));
     let inference_ms = started.elapsed().as_secs_f64() * 1e3;
-    let answer = PredictAnswer::new(planner, frame, (plan, &input), (counts, inference_ms, body));
+    let answer = PredictAnswer::new(planner, (frame, eye_m), (plan, &input), (counts, inference_ms, body));
     Ok(Planned {
         body: serde_json::to_vec(&answer).map_err(|_| Fault::internal())?,
         server_timing,
@@ -328,12 +330,16 @@ impl ArrayInput {
 impl PredictAnswer {
     fn new(
         planner: &Planner,
-        frame: GraspFrame,
+        (frame, eye_m): (GraspFrame, Vec3),
         (plan, input): (Plan, &PredictInput),
         ([num_input_points, num_scene_points], inference_ms, body): ([usize; 2], f64, &[u8]),
     ) -> Self {
         let min_score = input.min_score.unwrap_or(0.0) as f32;
-        let grasp = |grasp: &RankedGrasp| Some(PredictGrasp::new(grasp.camera_from_grasp?, frame, grasp));
+        let grasp = |grasp: &RankedGrasp| {
+            let mut cloud_from_grasp = grasp.camera_from_grasp?;
+            cloud_from_grasp.translation += eye_m;
+            Some(PredictGrasp::new(cloud_from_grasp, frame, grasp))
+        };
         let mut grasps: Vec<PredictGrasp> = plan.grasps.iter().filter_map(grasp).collect();
         grasps.retain(|grasp| grasp.score >= min_score);
         grasps.sort_by(|a, b| b.score.total_cmp(&a.score));

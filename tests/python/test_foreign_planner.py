@@ -1,0 +1,174 @@
+"""`graspmill experiment run --planner URL`: anyone's planner behind the contract of /predict, also one that misbehaves.
+
+    python -m pytest tests/python/test_foreign_planner.py   # GRASPMILL_PROGRAMS=path/to/programs, or target/debug
+"""
+
+import base64
+import json
+import os
+import subprocess
+import threading
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner_service import ROOT, running
+
+PROGRAMS = Path(os.environ.get("GRASPMILL_PROGRAMS", ROOT / "target" / "debug")).resolve()
+DOWN = {"translation": [0, 0, 0], "rotation_matrix": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], "score": 0.5, "gripper_width": None}
+
+
+@contextmanager
+def planner(answer, config=None):
+    """A server whose `/predict` is `answer(request)`: bytes, a status with bytes, or None for silence."""
+    asked = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+        def say(self, status, data):
+            self.send_response(status)
+            self.send_header("Content-Length", str(len(data)))
+            self.end_headers()
+            self.wfile.write(data)
+
+        def do_GET(self):
+            if config is None or self.path != "/config":
+                self.say(404, b"")
+            else:
+                self.say(200, config if isinstance(config, bytes) else json.dumps(config).encode())
+
+        def do_POST(self):
+            asked.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+            said = answer(asked[-1])
+            if said is None:
+                done.wait(60)
+            else:
+                self.say(*(said if isinstance(said, tuple) else (200, said)))
+
+    done, server = threading.Event(), ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield f"http://127.0.0.1:{server.server_port}/predict", asked
+    finally:
+        done.set()
+        server.shutdown()
+        server.server_close()
+
+
+def run(out, *args, rounds=1, code=0):
+    config = ROOT / "configs" / "experiment" / "giga-pile.toml"
+    common = ("--rounds", str(rounds), "--seed", "31", "--threads", "1", "--set", "objects.count=2", "--set", "noise.kind=d435")
+    command = [PROGRAMS / "graspmill", "experiment", "run", config, *common, *args, "--out", out]
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300)
+    assert done.returncode == code, done.stderr
+    return done
+
+
+def rounds_of(out):
+    lines = [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()]
+    return [line for line in lines if "ending" in line]
+
+
+def points(array):
+    assert array["dtype"] == "float32"
+    return np.frombuffer(base64.b64decode(array["data_b64"], validate=True), "<f4").reshape(array["shape"])
+
+
+def grasps(*grasps):
+    return json.dumps({"grasps": grasps, "meta": {}}).encode()
+
+
+def test_a_planner_is_told_each_object_and_the_rest(tmp_path):
+    # Straight down at the object's middle, tips 30 mm below its top: what the contract's own axes are for.
+    def answer(request):
+        thing = points(request["point_cloud"])
+        return grasps(DOWN | {"translation": [*thing[:, :2].mean(axis=0).tolist(), float(thing[:, 2].max()) + 0.07]})
+
+    with planner(answer, {"fingertip_depth": 0.1}) as (url, asked):
+        run(tmp_path / "run", "--planner", url)
+    first = asked[:2]
+    clouds = [points(request["point_cloud"]) for request in first]
+    for request, cloud, other in zip(first, clouds, clouds[::-1], strict=True):
+        rest = points(request["scene_points"])
+        assert len(cloud) >= 128 and len(cloud) + len(rest) <= 65_536
+        # An object stands on the table, whose points are of the rest, as are those of the other object.
+        assert 0.04 < np.median(rest[:, 2]) < 0.06 and np.median(cloud[:, 2]) > 0.055
+        gap = np.linalg.norm(rest[None] - other[::50, None], axis=2).min(axis=1)
+        assert np.median(gap) < 0.004
+        assert np.allclose(request["down"], [0, 0, -1]) and request["eye_m"][2] > 0.2
+    (played,) = rounds_of(tmp_path / "run")
+    attempt = played["trials"][0]
+    pose = attempt["workspace_from_grasp"]
+    # The tips are 0.1 m along the approach from where the answer was.
+    tops = [cloud[:, 2].max() for cloud in clouds]
+    assert min(abs(pose["position_m"][2] - (top - 0.03)) for top in tops) < 1e-4
+    x, y, z, w = pose["quaternion_xyzw"]
+    assert np.isclose(1 - 2 * (x * x + y * y), -1, atol=1e-5), "z of our grasp goes down"
+    assert attempt["quality"] == 0.5 and attempt["planned_count"] == 2
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        ((500, b'{"detail": {"error": "internal_error"}}'), "status 500: {"),
+        (b"nonsense", "an answer must be the contract's"),
+        (b'{"grasps": 7}', "an answer must be the contract's"),
+        (grasps(DOWN | {"rotation_matrix": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}), "must have a rotation"),
+        (grasps(DOWN | {"rotation_matrix": [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]}), "must have a rotation"),
+        (json.dumps({"grasps": [DOWN | {"score": 1e39}]}).encode(), ""),
+        (None, "no answer in time"),
+    ],
+)
+def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path, answer, why):
+    with planner(lambda _: answer, {"fingertip_depth": 0.1}) as (url, _):
+        run(tmp_path / "run", "--planner", url, "--planner-timeout-s", "1", rounds=2)
+    played = rounds_of(tmp_path / "run")
+    assert [round["ending"] for round in played] == ["no_answer"] * 2
+    assert all(why in round["no_answer"] for round in played), played
+    assert "2 of 2 rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.md").read_text()
+
+
+def test_a_planner_without_grasps_is_no_fault(tmp_path):
+    with planner(lambda _: grasps(), {"fingertip_depth": 0.1}) as (url, _):
+        run(tmp_path / "run", "--planner", url)
+    assert rounds_of(tmp_path / "run")[0]["ending"] == "no_grasp"
+
+
+def test_what_is_not_known_of_a_planner_is_asked_for(tmp_path):
+    with planner(lambda _: grasps()) as (url, _):
+        said = run(tmp_path / "a", "--planner", url, code=78).stderr
+        assert "does not say where the finger tips are (fingertip_depth): give --tip-depth" in said
+        run(tmp_path / "b", "--planner", url, "--tip-depth", "0.1")
+    with planner(lambda _: grasps(), {"fingertip_depth": 0.1, "approach_axis_local": [1, 1, 0]}) as (url, _):
+        assert "unit axes at right angles" in run(tmp_path / "c", "--planner", url, code=78).stderr
+    with planner(lambda _: grasps(), b"<html>") as (url, _):
+        assert "/config must be JSON" in run(tmp_path / "d", "--planner", url, code=78).stderr
+    assert "must begin with http" in run(tmp_path / "e", "--planner", "ftp://here", code=78).stderr
+    assert "must be an address" in run(tmp_path / "f", "--planner", "here", code=78).stderr
+    # The server is gone: nothing was begun.
+    assert "/config" in run(tmp_path / "g", "--planner", url, code=75).stderr
+    assert "required" in run(tmp_path / "h", "--tip-depth", "0.1", code=2).stderr
+
+
+def test_our_own_service_is_a_planner_and_a_run_goes_on(tmp_path):
+    with running(tmp_path) as service:
+        url = ("--planner", f"http://127.0.0.1:{service.port}/predict")
+        run(tmp_path / "whole", *url, rounds=2)
+        run(tmp_path / "parts", *url, rounds=1)
+        run(tmp_path / "parts", *url, rounds=2)
+        told = run(tmp_path / "parts", *url, "--tip-depth", "0.01", rounds=2, code=78).stderr
+    assert "holds" in told, told
+    whole, parts = ((tmp_path / name / "report.json").read_text() for name in ("whole", "parts"))
+    results = [json.loads(text)["results"] for text in (whole, parts)]
+    for result in results:
+        [result.pop(key) for key in [key for key in result if "ms" in key]]
+    assert results[0]["endings"] == results[1]["endings"]
+    assert sum(len(round["trials"]) for round in rounds_of(tmp_path / "whole")) >= 4
+    held = sum(trial["outcome"] == "held" for round in rounds_of(tmp_path / "whole") for trial in round["trials"])
+    assert held >= 3
