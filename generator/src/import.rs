@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use glamx::DSymmetricEigen3;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{HullError, MODELS_MAX};
+use schema::{HullError, MODELS_MAX, MassIntegrals, relative_difference};
 use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
@@ -32,8 +32,7 @@ use self::units::{Own, guessed_scale_m, own_values};
 use self::xml::Described;
 use crate::catalogue::{Catalogue, MASS_KG};
 use crate::config::Config;
-use crate::mass_integrals::{MassIntegrals, relative_difference};
-use crate::measured::{Measured, integrals_of, overlap_share, smallest_width_m};
+use crate::measured::{Measured, overlap_share, smallest_width_m};
 use crate::mesh_file::{damaged, read_mesh, unusable};
 use crate::models::Models;
 
@@ -340,7 +339,8 @@ impl Import<'_> {
         parts: &ConvexParts,
     ) -> Result<ImportedObject, HullError> {
         let Self { source, own, params, config, .. } = self;
-        let of_parts = parts.hulls.iter().map(integrals_of).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
+        let of_parts =
+            parts.hulls.iter().map(MassIntegrals::from).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
         let balance = measured.solid.unwrap_or(of_parts);
         let density_kg_m3 = own.density_kg_m3.or(params.density).unwrap_or(DENSITY_KG_M3);
         // An open mesh encloses nothing: its parts are thin or full as the voxels find its holes. Its hull is neither.

@@ -18,7 +18,6 @@ mod depth_images;
 pub mod fuzzing;
 mod household;
 mod import;
-mod mass_integrals;
 mod measured;
 mod mesh;
 mod mesh_file;

@@ -1,10 +1,9 @@
 //! What is measured of a mesh and of its convex parts.
 
 use glamx::DVec3;
-use schema::{Polyhedron, Vec3, bounds_m};
+use schema::{MassIntegrals, Polyhedron, Vec3, bounds_m};
 use simulator::hull_volume_m3;
 
-use crate::mass_integrals::MassIntegrals;
 use crate::mesh::{Mesh, Seams};
 
 /// Cells along each side of the lattice for measuring overlaps.
@@ -98,12 +97,6 @@ fn confused_share(mesh: &Mesh) -> f64 {
         }
     }
     if enclosed_m > 0.0 { confused_m / enclosed_m } else { 0.0 }
-}
-
-/// The integrals over a convex part.
-pub(crate) fn integrals_of(hull: &Polyhedron) -> MassIntegrals {
-    let corners: Vec<DVec3> = hull.corners_m().iter().map(|c| c.as_dvec3()).collect();
-    MassIntegrals::of(hull.triangles().into_iter().map(|triangle| triangle.map(|i| corners[i])))
 }
 
 /// The smallest width of points over the directions in which a hull can be narrowest: normal to a face, or to two

@@ -9,11 +9,10 @@ use std::path::{Path, PathBuf};
 
 use glamx::{DMat3, DQuat, DVec3};
 use program::Failure;
-use schema::ShapeKind;
+use schema::{MassIntegrals, ShapeKind};
 use simulator::hull_volume_m3;
 
 use super::xml::{self, Described, Element, Placed, Shape, Shapes};
-use crate::mass_integrals::MassIntegrals;
 use crate::mesh_file::damaged;
 
 /// The outermost element of a model, and of a file that models include.

@@ -5,21 +5,30 @@
 
 use glamx::{DMat3, DVec3};
 
+use crate::{Mat3, Polyhedron, Quat, Vec3};
+
+/// Sweeps of Jacobi's method; three or four suffice for a 3 × 3 matrix.
+const SWEEPS_MAX: usize = 32;
+/// What single precision of the corners leaves off the diagonal, as a share of the trace; it would turn a cylinder's
+/// axes by chance.
+const ROUNDING_SHARE: f64 = 1e-7;
+
 /// The integrals over a body of density 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct MassIntegrals {
+pub struct MassIntegrals {
     /// Volume in cubic metres; negative if the triangles are inside out.
-    pub(crate) volume_m3: f64,
+    pub volume_m3: f64,
     first_m4: DVec3,
     second_m5: DMat3,
 }
 
 impl MassIntegrals {
     /// Of no body.
-    pub(crate) const ZERO: Self = Self { volume_m3: 0.0, first_m4: DVec3::ZERO, second_m5: DMat3::ZERO };
+    pub const ZERO: Self = Self { volume_m3: 0.0, first_m4: DVec3::ZERO, second_m5: DMat3::ZERO };
 
     /// The integrals of the body that triangles enclose. They are counterclockwise from outside, in metres.
-    pub(crate) fn of(triangles_m: impl IntoIterator<Item = [DVec3; 3]>) -> Self {
+    #[must_use]
+    pub fn of(triangles_m: impl IntoIterator<Item = [DVec3; 3]>) -> Self {
         let mut sum = Self::ZERO;
         for [a, b, c] in triangles_m {
             let volume_m3 = a.dot(b.cross(c)) / 6.0;
@@ -32,7 +41,8 @@ impl MassIntegrals {
     }
 
     /// The integrals over two bodies together.
-    pub(crate) fn plus(&self, other: &Self) -> Self {
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
         Self {
             volume_m3: self.volume_m3 + other.volume_m3,
             first_m4: self.first_m4 + other.first_m4,
@@ -41,16 +51,62 @@ impl MassIntegrals {
     }
 
     /// Centre of mass in metres.
-    pub(crate) fn centre_m(&self) -> DVec3 {
+    #[must_use]
+    pub fn centre_m(&self) -> DVec3 {
         self.first_m4 / self.volume_m3
     }
 
     /// Inertia about the centre of mass in kg m², along the axes, for a body of this mass.
-    pub(crate) fn inertia_kg_m2(&self, mass_kg: f64) -> DMat3 {
+    #[must_use]
+    pub fn inertia_kg_m2(&self, mass_kg: f64) -> DMat3 {
         let spread = self.second_m5 / self.volume_m3 - outer(self.centre_m());
         let trace = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z;
         mass_kg * (DMat3::from_diagonal(DVec3::splat(trace)) - spread)
     }
+
+    /// The principal moments about the centre of mass in kg m², for a body of this mass, and the rotation from the
+    /// principal axes to the body's. Of a diagonal inertia the axes are the body's own.
+    #[must_use]
+    pub fn principal(&self, mass_kg: f64) -> ([f64; 3], Quat) {
+        let inertia = self.inertia_kg_m2(mass_kg);
+        let (moments, axes) = diagonal_of([0, 1, 2].map(|i| inertia.row(i).to_array()));
+        let column = |j: usize| Vec3::from_array([0, 1, 2].map(|i| axes[i][j] as f32));
+        let (x, y) = (column(0), column(1));
+        // An axis has no sign: the third one is that which makes the frame right-handed.
+        (moments, Quat::from_mat3(&Mat3::from_cols(x, y, x.cross(y))).normalize())
+    }
+}
+
+impl From<&Polyhedron> for MassIntegrals {
+    fn from(polyhedron: &Polyhedron) -> Self {
+        let corner = |number: usize| polyhedron.corners_m()[number].as_dvec3();
+        Self::of(polyhedron.triangles().into_iter().map(|triangle| triangle.map(corner)))
+    }
+}
+
+/// The eigenvalues of a symmetric matrix, and its eigenvectors as columns, by Jacobi's rotations, which are exact also
+/// where eigenvalues are equal.
+fn diagonal_of(mut matrix: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+    let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let size: f64 = (0..3).map(|i| matrix[i][i].abs()).sum();
+    for _ in 0..SWEEPS_MAX {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            if matrix[p][q].abs() <= ROUNDING_SHARE * size {
+                continue;
+            }
+            let ratio = (matrix[q][q] - matrix[p][p]) / (2.0 * matrix[p][q]);
+            let tangent = ratio.signum() / (ratio.abs() + (ratio * ratio + 1.0).sqrt());
+            let cosine = 1.0 / (tangent * tangent + 1.0).sqrt();
+            let turned = |a: f64, b: f64| [cosine * a - cosine * tangent * b, cosine * tangent * a + cosine * b];
+            for row in matrix.iter_mut().chain(&mut axes) {
+                [row[p], row[q]] = turned(row[p], row[q]);
+            }
+            for k in 0..3 {
+                [matrix[p][k], matrix[q][k]] = turned(matrix[p][k], matrix[q][k]);
+            }
+        }
+    }
+    ([0, 1, 2].map(|i| matrix[i][i]), axes)
 }
 
 fn outer(v: DVec3) -> DMat3 {
@@ -58,7 +114,8 @@ fn outer(v: DVec3) -> DMat3 {
 }
 
 /// The Frobenius norm of the difference of two matrices, as a share of that of `b`.
-pub(crate) fn relative_difference(a: DMat3, b: DMat3) -> f64 {
+#[must_use]
+pub fn relative_difference(a: DMat3, b: DMat3) -> f64 {
     let norm = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();
     norm(a - b) / norm(b)
 }
@@ -66,14 +123,20 @@ pub(crate) fn relative_difference(a: DMat3, b: DMat3) -> f64 {
 #[cfg(test)]
 mod tests {
     use glamx::DSymmetricEigen3;
-    use schema::{Purpose, Stream, Vec3};
 
     use super::*;
-    use crate::mesh::Mesh;
-    use crate::mesh::tests::closed_box;
+    use crate::{Pose, Purpose, ShapeKind, Solid, Stream, axis_angle};
 
-    fn of(mesh: &Mesh) -> MassIntegrals {
-        MassIntegrals::of(mesh.triangles_about(DVec3::ZERO))
+    fn of(corners: &[[f64; 3]], triangles: &[[u32; 3]]) -> MassIntegrals {
+        MassIntegrals::of(triangles.iter().map(|t| t.map(|corner| DVec3::from_array(corners[corner as usize]))))
+    }
+
+    /// A box with a corner at the origin: corners, and triangles that face outwards.
+    fn closed_box(size: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+        let corner = |c: usize| core::array::from_fn(|axis| if c >> axis & 1 == 1 { size[axis] } else { 0.0 });
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        ((0..8).map(corner).collect(), triangles)
     }
 
     fn assert_near(got: f64, expected: f64, share: f64) {
@@ -85,7 +148,7 @@ mod tests {
         let [x, y, z] = [0.03, 0.05, 0.07];
         let (corners, triangles) = closed_box([x, y, z]);
         let exact = [(y * y + z * z), (x * x + z * z), (x * x + y * y)].map(|sum| 0.2 * sum / 12.0);
-        let box_of = |corners: &[[f64; 3]]| of(&Mesh::new(corners, &triangles, 1.0).unwrap());
+        let box_of = |corners: &[[f64; 3]]| of(corners, &triangles);
         let integrals = box_of(&corners);
         assert_near(integrals.volume_m3, x * y * z, 1e-12);
         for (axis, size) in [x, y, z].into_iter().enumerate() {
@@ -112,7 +175,7 @@ mod tests {
     fn a_tetrahedron_has_the_textbooks_integrals() {
         let corners = [[0.0; 3], [0.06, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.0, 0.09]];
         let triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
-        let integrals = of(&Mesh::new(&corners, &triangles, 1.0).unwrap());
+        let integrals = of(&corners, &triangles);
         let [a, b, c] = [0.06, 0.03, 0.09];
         assert_near(integrals.volume_m3, a * b * c / 6.0, 1e-12);
         for (got, edge) in integrals.centre_m().to_array().into_iter().zip([a, b, c]) {
@@ -149,27 +212,41 @@ mod tests {
                 triangles.extend([[a, c, d], [a, d, b]]);
             }
         }
-        let mesh = Mesh::new(&corners, &triangles, 1.0).unwrap();
-        assert!(mesh.seams.is_watertight());
-        let integrals = of(&mesh);
+        let integrals = of(&corners, &triangles);
         assert_near(integrals.volume_m3, 4.0 / 3.0 * core::f64::consts::PI * radius.powi(3), 3e-3);
         for value in DSymmetricEigen3::eigenvalues(integrals.inertia_kg_m2(0.3)).to_array() {
             assert_near(value, 0.4 * 0.3 * radius * radius, 3e-3);
         }
-        assert_near(of(&mesh.turned_inside_out()).volume_m3, -integrals.volume_m3, 1e-12);
+        let inside_out: Vec<[u32; 3]> = triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        assert_near(of(&corners, &inside_out).volume_m3, -integrals.volume_m3, 1e-12);
     }
 
     #[test]
     fn two_halves_are_the_whole() {
         let (corners, triangles) = closed_box([0.03, 0.05, 0.07]);
-        let whole = of(&Mesh::new(&corners, &triangles, 1.0).unwrap());
+        let whole = of(&corners, &triangles);
         let (low, _) = closed_box([0.03, 0.05, 0.035]);
         let high: Vec<[f64; 3]> = low.iter().map(|[x, y, z]| [*x, *y, z + 0.035]).collect();
-        let [low, high] = [low, high].map(|half| of(&Mesh::new(&half, &triangles, 1.0).unwrap()));
+        let [low, high] = [low, high].map(|half| of(&half, &triangles));
         let sum = low.plus(&high);
         assert_near(sum.volume_m3, whole.volume_m3, 1e-12);
         let (a, b) = (sum.inertia_kg_m2(1.0), whole.inertia_kg_m2(1.0));
         assert!(relative_difference(a, b) < 1e-12);
         assert!(relative_difference(low.inertia_kg_m2(1.0), b) > 0.1);
+    }
+
+    #[test]
+    fn principal_axes_make_the_tensor_again() {
+        let cuboid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.08)).unwrap();
+        let cylinder = Solid::new(ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.09)).unwrap();
+        let turned = Pose::from_parts(Vec3::new(0.02, -0.04, 0.06), axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1));
+        for (solid, pose) in [cuboid, cylinder].iter().flat_map(|solid| [(solid, Pose::IDENTITY), (solid, turned)]) {
+            let integrals = MassIntegrals::from(&Polyhedron::from(solid).moved(&pose));
+            let (moments, axes) = integrals.principal(0.3);
+            let matrix = Mat3::from_quat(axes).as_dmat3();
+            let tensor = matrix * DMat3::from_diagonal(DVec3::from_array(moments)) * matrix.transpose();
+            assert!(relative_difference(tensor, integrals.inertia_kg_m2(0.3)) < 1e-6, "{solid:?} {pose:?}");
+            assert!(pose != Pose::IDENTITY || axes == Quat::IDENTITY, "{solid:?} {axes}");
+        }
     }
 }
