@@ -50,6 +50,7 @@ Examples:
   graspmill dataset depth grasps --scene 7 --out scene-7 && graspmill plan --views scene-7/views.toml
   graspmill dataset verify s3://bucket/grasps   the same in an object store
   graspmill dataset export grasps --format vgn --out grasps-vgn    what VGN's and GIGA's Python code trains on
+  graspmill dataset export grasps --format mjcf --scenes 0-9 --out scenes    scenes for MuJoCo; also urdf, usda
   graspmill dataset missing grasps              the shards that remain to be made
   graspmill dataset finalize grasps             completes it when all shards exist";
 

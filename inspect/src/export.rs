@@ -1,11 +1,13 @@
-//! A dataset for the programs of others: the files that VGN's and GIGA's Python code trains on, and Parquet for old
-//! readers.
+//! A dataset for the programs of others: the files that VGN's and GIGA's Python code trains on, Parquet for old
+//! readers, and scenes for simulators.
 //!
 //! The same dataset gives the same bytes. Each file gets its name when it is complete, so an interrupted export
 //! continues with the missing files; `export-begun.json` identifies it meanwhile. `export.json`, written last, and a
 //! page describe the content and what was excluded. `docs/exporting.md` shows how to read the files.
 
 mod plain;
+mod scenes;
+mod selection;
 mod vgn;
 
 use std::fs::{self, File};
@@ -17,6 +19,9 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use settings::words;
 use shards::{Dataset, Location};
+
+pub use scenes::{SceneFormat, export_scene};
+pub use selection::SceneSelection;
 
 /// The file that describes a complete export.
 const DONE: &str = "export.json";
@@ -32,6 +37,12 @@ words! {
         Vgn = "vgn",
         /// The three tables as they are, with floats in the plain encoding, for old readers of Parquet.
         Parquet = "parquet",
+        /// Scenes for MuJoCo.
+        Mjcf = "mjcf",
+        /// Scenes for PyBullet and others: a URDF for each body.
+        Urdf = "urdf",
+        /// Scenes for Isaac Sim and others, with UsdPhysics.
+        Usda = "usda",
     }
 }
 
@@ -41,6 +52,17 @@ impl ExportFormat {
         match self {
             Self::Vgn => &vgn::FOLDERS,
             Self::Parquet => &plain::FOLDERS,
+            Self::Mjcf | Self::Urdf | Self::Usda => &scenes::FOLDERS,
+        }
+    }
+
+    /// What a simulator reads, if the format is of scenes.
+    fn of_scenes(self) -> Option<SceneFormat> {
+        match self {
+            Self::Vgn | Self::Parquet => None,
+            Self::Mjcf => Some(SceneFormat::Mjcf),
+            Self::Urdf => Some(SceneFormat::Urdf),
+            Self::Usda => Some(SceneFormat::Usda),
         }
     }
 }
@@ -58,6 +80,9 @@ pub struct ExportOrigin {
     pub dataset_code_version: String,
     /// The dataset's seed.
     pub dataset_seed: u64,
+    /// Which scenes, if not all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenes: Option<String>,
 }
 
 /// Counts of an export.
@@ -87,14 +112,15 @@ pub struct Exported {
 }
 
 /// Writes a dataset in another format to an empty or new folder, or continues an interrupted equal export. A complete
-/// export is not changed. `scenes_done` receives the number of newly written scenes. The attempts and objects of one
-/// shard, or a few dozen grids, are in memory.
+/// export is not changed. `scenes` selects some of the scenes, of formats for simulators only. `scenes_done` receives
+/// the number of newly written scenes. The attempts and objects of one shard, or a few dozen grids, are in memory.
 ///
 /// # Errors
 /// [`Failure`] if the dataset cannot be read, does not fit the format, or the folder holds something else.
 pub fn export(
     dataset: &Dataset,
     format: ExportFormat,
+    scenes: Option<&SceneSelection>,
     out: &Location,
     mut scenes_done: impl FnMut(u64),
 ) -> Result<Exported, Failure> {
@@ -110,25 +136,32 @@ pub fn export(
     if format == ExportFormat::Vgn {
         vgn::suited(info).map_err(refused)?;
     }
+    if let Some(scenes) = scenes {
+        scenes.check(info).map_err(refused)?;
+        if format.of_scenes().is_none() {
+            return Err(refused(format!("scenes may be selected of mjcf, urdf and usda, got {}", format.name())));
+        }
+    }
     let origin = ExportOrigin {
         format: format.name().to_owned(),
         exporter_version: env!("CARGO_PKG_VERSION").to_owned(),
         dataset_id: dataset.id().to_owned(),
         dataset_code_version: info.code_version.clone(),
         dataset_seed: info.seed,
+        scenes: scenes.map(ToString::to_string),
     };
     if let Some(done) = begin(folder, &origin)? {
         clear(folder, format); // a run was killed at the very end
-        scenes_done(info.scene_count);
+        scenes_done(done.counts.scenes + done.counts.scenes_left_out);
         return Ok(done);
     }
     let folders = format.folders().iter();
     let _locks = folders.map(|name| FolderLock::take(&folder.join(name))).collect::<Result<Vec<_>, _>>()?;
-    let write = match format {
-        ExportFormat::Vgn => vgn::write,
-        ExportFormat::Parquet => plain::write,
+    let counts = match format.of_scenes() {
+        Some(format) => scenes::write(dataset, format, scenes, folder, &origin, &mut scenes_done)?,
+        None if format == ExportFormat::Vgn => vgn::write(dataset, folder, &origin, &mut scenes_done)?,
+        None => plain::write(dataset, folder, &origin, &mut scenes_done)?,
     };
-    let counts = write(dataset, folder, &origin, &mut scenes_done)?;
     let done = Exported { origin, counts };
     program::write(&folder.join(DONE), program::json(&done)?)?;
     clear(folder, format);
@@ -142,8 +175,10 @@ fn begin(folder: &Path, origin: &ExportOrigin) -> Result<Option<Exported>, Failu
         Failure::new(ExitCode::Config, text)
     };
     let check = |there: &ExportOrigin| {
-        let ExportOrigin { format, exporter_version: version, dataset_id, .. } = there;
-        let other = || refused(format!("it holds an export as {format} of dataset {dataset_id} by version {version}"));
+        let ExportOrigin { format, exporter_version: version, dataset_id, scenes, .. } = there;
+        let of = scenes.as_ref().map_or(String::new(), |scenes| format!("scenes {scenes} of "));
+        let other =
+            || refused(format!("it holds an export as {format} of {of}dataset {dataset_id} by version {version}"));
         if there == origin { Ok(()) } else { Err(other()) }
     };
     let damaged = || refused("what it says about its export is damaged".to_owned());

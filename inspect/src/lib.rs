@@ -23,7 +23,9 @@ mod tsdf;
 mod view;
 
 pub use browse::browse;
-pub use export::{ExportCounts, ExportFormat, ExportOrigin, Exported, export};
+pub use export::{
+    ExportCounts, ExportFormat, ExportOrigin, Exported, SceneFormat, SceneSelection, export, export_scene,
+};
 pub use grasps::{GraspFormat, grasps_index, grasps_info, grasps_picture, grasps_view};
 pub use pictures::{scene_svg, spread};
 pub use statistics::{Bin, Coverage, Fit, Group, Law, OutcomeGroup, Report, TableSize, report};

@@ -181,6 +181,19 @@ class StoredScene:
         number = _arrays.whole("attempt_id", attempt_id, 0, max(len(self.outcomes) - 1, 0))
         return Page(self._dataset.replay_page(self.scene_id, number))
 
+    def export(self, folder: str | os.PathLike[str], format: str = "mjcf") -> None:
+        """Writes the scene for a simulator, as ``graspmill dataset export`` does (``docs/exporting.md``).
+
+        Args:
+            folder: A folder, which is made if it does not exist; files of the same names are replaced.
+            format: ``"mjcf"`` for MuJoCo, ``"urdf"`` for PyBullet and others, ``"usda"`` for Isaac Sim and others.
+
+        Raises:
+            InputError: If there is no such format, or no folder can be made there.
+        """
+        where = os.path.abspath(_arrays.path("folder", folder))
+        self._dataset.export_scene(self.scene_id, _arrays.text("format", format), where)
+
     def page(self) -> Page:
         """A page with the scene in 3-D: its surface, its cameras and every attempt."""
         return Page(self._dataset.scene_page(self.scene_id))

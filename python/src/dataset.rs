@@ -1,11 +1,12 @@
 //! Datasets.
 
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
 use std::{mem, process};
 
 use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
-use inspect::scene_view;
+use inspect::{SceneFormat, export_scene, scene_view};
 use network::upsampling::Upsampling;
 use network::{GraspOrigin, VoxelParams};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -307,6 +308,15 @@ impl Dataset {
     fn scene_page(&self, py: Python<'_>, scene_id: u64) -> PyResult<String> {
         let rows = self.scene_rows(py, scene_id)?;
         free(py, || Ok::<_, Failure>(scene_view(self.dataset.info(), self.dataset.id(), &rows).page()))
+    }
+
+    /// Writes a scene's files for a simulator into a folder.
+    fn export_scene(&self, py: Python<'_>, scene_id: u64, format: &str, folder: PathBuf) -> PyResult<()> {
+        let names = || SceneFormat::ALL.map(SceneFormat::name).join(", ");
+        let format = SceneFormat::from_name(format)
+            .ok_or_else(|| wrong(format!("format must be one of {}, got {format:?}", names())))?;
+        let rows = self.scene_rows(py, scene_id)?;
+        free(py, || export_scene(self.dataset.info(), self.dataset.id(), &rows, format, &folder))
     }
 
     /// An attempt, executed again before the reader's eyes, as a page.

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use inspect::ExportFormat;
+use inspect::{ExportFormat, SceneSelection};
 use program::text::{grouped, per_second};
 use program::{ExitCode, Failure, print};
 use shards::{Dataset, Location};
@@ -16,19 +16,25 @@ Examples:
   graspmill dataset export grasps --format vgn --out grasps-vgn
   graspmill dataset export s3://bucket/grasps --format vgn --out grasps-vgn
   graspmill dataset export grasps --format parquet --out grasps-plain    for old polars and fastparquet
+  graspmill dataset export grasps --format mjcf --scenes 0-9,17 --out grasps-mujoco    a folder a scene
 
 An interrupted export continues when it is run again. docs/exporting.md describes the files and how to read them.";
 
-/// Write the dataset as the files that VGN's and GIGA's code trains on, or as Parquet for old readers.
+/// Write the dataset as the files that VGN's and GIGA's code trains on, as Parquet for old readers, or its scenes for
+/// simulators.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
     #[arg(value_parser = LocationParser)]
     dataset: Location,
-    /// The format: what VGN and GIGA read, or Parquet in the plain encoding.
+    /// The format: what VGN and GIGA read; Parquet in the plain encoding; or scenes for MuJoCo (mjcf), for PyBullet and
+    /// others (urdf), for Isaac Sim and others (usda).
     #[arg(long, value_parser = one_of!(ExportFormat))]
     format: ExportFormat,
+    /// Only these scenes, such as 0-9,17; of mjcf, urdf and usda.
+    #[arg(long, value_name = "N,FIRST-LAST")]
+    scenes: Option<SceneSelection>,
     /// A new or an empty folder, or that of the same export, interrupted: it continues there.
     #[arg(long, value_parser = LocationParser)]
     out: Location,
@@ -36,8 +42,9 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let dataset = Dataset::open(&arguments.dataset)?;
-    let bar = progress_bar(dataset.info().scene_count);
-    let exported = inspect::export(&dataset, arguments.format, &arguments.out, |scenes| bar.inc(scenes));
+    let scenes = arguments.scenes.as_ref();
+    let bar = progress_bar(scenes.map_or(dataset.info().scene_count, SceneSelection::count));
+    let exported = inspect::export(&dataset, arguments.format, scenes, &arguments.out, |scenes| bar.inc(scenes));
     bar.finish_and_clear();
     let counts = exported?.counts;
     let (grasps, positives, scenes) = (grouped(counts.grasps), grouped(counts.positives), grouped(counts.scenes));

@@ -54,7 +54,7 @@ fn written_with_edges(info: &DatasetInfo) -> (tempfile::TempDir, Dataset) {
 }
 
 fn exported(dataset: &Dataset, out: &Path) -> Result<Exported, Failure> {
-    export(dataset, ExportFormat::Vgn, &Location::Path(out.to_owned()), |_| ())
+    export(dataset, ExportFormat::Vgn, None, &Location::Path(out.to_owned()), |_| ())
 }
 
 /// An array of a `.npy`: its header and its bytes.
@@ -178,7 +178,7 @@ fn the_same_dataset_gives_the_same_bytes_and_a_stopped_export_goes_on() {
     }
     let mut scenes = 0;
     let out = Location::Path(two.path().to_owned());
-    assert_eq!(export(&dataset, ExportFormat::Vgn, &out, |more| scenes += more).unwrap(), told);
+    assert_eq!(export(&dataset, ExportFormat::Vgn, None, &out, |more| scenes += more).unwrap(), told);
     assert_eq!(scenes, dataset.info().scene_count);
     assert_eq!(files, sample::files(two.path()));
 }
@@ -187,7 +187,7 @@ fn the_same_dataset_gives_the_same_bytes_and_a_stopped_export_goes_on() {
 fn plain_tables_are_the_same_bytes_each_time_and_a_stopped_export_goes_on() {
     let (_dir, dataset) = written(&sample::info(6)); // any grid will do
     let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let plain = |out: &Path| export(&dataset, ExportFormat::Parquet, &Location::Path(out.to_owned()), |_| ());
+    let plain = |out: &Path| export(&dataset, ExportFormat::Parquet, None, &Location::Path(out.to_owned()), |_| ());
     let told = plain(one.path()).unwrap();
     plain(two.path()).unwrap();
     let files = sample::files(one.path());
@@ -233,7 +233,7 @@ fn nothing_of_others_is_touched() {
     code(exported(&dataset, out.path()), "is damaged");
     code(exported(&dataset, &out.path().join("README.md")), "must go to a folder, got a file");
     let url = Location::parse("s3://bucket/out").unwrap();
-    code(export(&dataset, ExportFormat::Vgn, &url, |_| ()), "a folder on a disk");
+    code(export(&dataset, ExportFormat::Vgn, None, &url, |_| ()), "a folder on a disk");
     let (_coarse_dir, coarse) = written(&sample::info(9));
     code(exported(&coarse, &out.path().join("new")), "grids of 40^3 voxels, the dataset has 8^3");
     assert!(!out.path().join("new").exists());

@@ -4,5 +4,6 @@
 mod export;
 #[path = "../../../tests/support/sample.rs"]
 mod sample;
+mod scenes;
 #[path = "../../../tests/support/synthetic.rs"]
 mod synthetic;
