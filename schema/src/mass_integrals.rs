@@ -101,9 +101,9 @@ fn diagonal_of(mut matrix: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
             for row in matrix.iter_mut().chain(&mut axes) {
                 [row[p], row[q]] = turned(row[p], row[q]);
             }
-            for k in 0..3 {
-                [matrix[p][k], matrix[q][k]] = turned(matrix[p][k], matrix[q][k]);
-            }
+            let pairs = [0, 1, 2].map(|k| turned(matrix[p][k], matrix[q][k]));
+            matrix[p] = pairs.map(|[first, _]| first);
+            matrix[q] = pairs.map(|[_, second]| second);
         }
     }
     ([0, 1, 2].map(|i| matrix[i][i]), axes)
