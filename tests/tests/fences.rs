@@ -51,7 +51,6 @@ const OWNED: &[(&str, &str)] = &[
     ("parry3d", "simulator"),
     ("pyo3", "python"),
     ("rapier3d", "simulator"),
-    ("reqwest", "shards"),
 ];
 
 /// Dependencies that no code names: they turn on a feature of a crate that another dependency brings.
