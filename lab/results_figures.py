@@ -18,7 +18,7 @@ NUMBER = r"(?:(?<=[\s|(])-)?\d[\d,]*(?:\.\d+)?(?:e-?\d+)?"
 BOTH = ["held", "cleared"]
 WHOLE = (0, 100, False)
 
-# Page: columns that name a row, (low, high, is logarithmic) of the axis, what the axis has, panels. A panel has a title,
+# Page: columns that name a row, (low, high, is logarithmic) of the axis, what the axis has, panels. A panel has a name,
 # columns and names of the dots; a column with held / cleared has two dots.
 FIGURES = {
     "another-engine": ([0], (90, 100, False), "%", [("grasps that held", [2, 3], ["ours", "PyBullet"]), ("agree", [4], [])]),

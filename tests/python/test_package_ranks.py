@@ -51,7 +51,7 @@ def test_an_epoch_of_all_ranks_has_every_sample_once_in_as_many_steps(dataset, r
     assert {len(batches) for batches in made} == {steps}
     sizes = np.array([[len(batch["label"]) for batch in batches] for batches in made])
     shares = np.array([[batch["share"].item() for batch in batches] for batches in made])
-    # Blocks are 4 scenes of about 50 samples, so workers have unequal work; still no batch is much smaller than another.
+    # Blocks are 4 scenes of about 50 samples, so workers have unequal work; yet no batch is much smaller than another.
     assert sizes.max() <= 12 and sizes.min() >= 8 and len(whole) / sizes.size > 9
     assert np.allclose(shares, sizes * ranks / sizes.sum(axis=0))
 

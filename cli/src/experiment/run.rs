@@ -45,7 +45,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
 
-    /// Anyone's planner in place of ours: the address of its /predict, as GraspGen-X's and DexGraspNet 2's servers have it
+    /// Anyone's planner in place of ours: the address of its /predict, as servers of GraspGen-X and DexGraspNet 2 have
+    /// it
     #[arg(long, value_name = "URL")]
     planner: Option<String>,
 

@@ -44,7 +44,7 @@ pub(crate) struct PredictInput {
     min_score: Option<f64>,
     /// Read and given back; it changes nothing.
     category_sampling: Option<bool>,
-    /// The direction of gravity in the clouds' frame, of any length; by default the clouds are in the optical frame of a
+    /// The direction of gravity in the clouds' frame, of any length; by default they are in the optical frame of a
     /// camera that stands upright and looks down. Not of the contract.
     #[schema(min_items = 3, max_items = 3)]
     down: Option<[f64; 3]>,
