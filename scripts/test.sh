@@ -4,11 +4,12 @@
 # --quick: format, house rules, reference pages, locks, subjects of the last commits; under a minute where the programs
 # are built. Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless
 # --rust-only. Python packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the
-# tests that need it. As root on Debian or Ubuntu, Slurm, strace, faketime, Chromium, zsh and fish are installed, too;
-# elsewhere the tests that need them are skipped with a message, and so is that of real captures where GRASPMILL_REAL
-# names none (by default ../shared/real, if that exists). With GRASPMILL_NO_SKIPS=1 any other skipped test fails.
-# Every step runs even if an earlier one failed, unless it depends on it. The table at the end lists the results and
-# times. Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
+# tests that need it; scripts/site.sh, which is a step, has a venv of its own. As root on Debian or Ubuntu, Slurm,
+# strace, faketime, Chromium, zsh and fish are installed, too; elsewhere the tests that need them are skipped with a
+# message, and so is that of real captures where GRASPMILL_REAL names none (by default ../shared/real, if that exists).
+# With GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every step runs even if an earlier one failed, unless it
+# depends on it. The table at the end lists the results and times. Exit code: 0 if all passed, 1 if a step failed, 2 if
+# the arguments are wrong.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -217,12 +218,15 @@ if [[ $quick == yes ]]; then
     step build '' cargo build --quiet --workspace --bins --tests # as below, so that nothing is built twice
     step reference build reference
 else
-    [[ $rust_only == yes ]] || beside venv prepared
+    if [[ $rust_only == no ]]; then
+        beside venv prepared
+        beside site scripts/site.sh "$scratch/site"
+    fi
     step fmt '' cargo fmt --all --check
     # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds
     # them. (`cargo run -p generator` alone would select other features of shared dependencies and build them again.)
     step build '' cargo build --workspace --bins --tests
-    [[ $rust_only == yes ]] || joined venv
+    [[ $rust_only == yes ]] || joined venv site
     GRASPMILL_MISSING=$(lacking)
     export GRASPMILL_MISSING
     beside fuzz fuzz # a third of the tests' time goes to waiting
