@@ -25,7 +25,7 @@ pub(crate) fn json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, Failur
     serde_json::from_slice(&text).map(Some).map_err(invalid)
 }
 
-/// SHA-256 of a text, in hex.
-pub(crate) fn sha256(text: &str) -> String {
-    Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect()
+/// SHA-256 of a text or of bytes, in hex.
+pub(crate) fn sha256(bytes: impl AsRef<[u8]>) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -142,7 +142,7 @@ fn sealed(value: &impl Serialize) -> io::Result<String> {
 /// Whether a line is as it was sealed, or has no seal where it need not have one.
 fn is_whole(line: &str, is_sealed: bool) -> bool {
     match line.rsplit_once(SEAL) {
-        Some((body, seal)) => seal.strip_suffix("\"}") == Some(&sha256(&format!("{body}}}"))),
+        Some((body, seal)) => seal.strip_suffix("\"}") == Some(&sha256(format!("{body}}}"))),
         None => !is_sealed,
     }
 }

@@ -16,10 +16,10 @@ use reqwest::{Client, Response, StatusCode, Url};
 use schema::{Mat3, Pose, Quat, Vec3, pose_from_parts};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use sha2::{Digest as _, Sha256};
 use simulator::{Scene, SceneRays};
 use tokio::runtime::{Builder, Runtime};
 
+use crate::files::sha256;
 use crate::offer::{Look, NoPlan, Offer, Plans};
 
 /// Most grasps of an object that are asked for.
@@ -118,7 +118,7 @@ impl Served {
             url,
             client,
             runtime,
-            id: id(&told, tip_depth_m),
+            id: format!("served-{}", sha256([&told[..], &tip_depth_m.to_le_bytes()].concat())),
             theirs_from_ours,
             points: [about.min_points.unwrap_or(POINTS_MIN), about.max_points.unwrap_or(POINTS_MAX).min(POINTS_MAX)],
         })
@@ -160,7 +160,8 @@ impl Plans for Served {
 
     fn plan(&self, look: Look<'_>) -> Result<Vec<Offer>, NoPlan> {
         let workspace_from_cloud = look.workspace_from_first().unwrap_or(Pose::IDENTITY);
-        let [objects_m, rest_m] = clouds(look.scene, &look.views, &workspace_from_cloud.inverse());
+        let cloud_from_workspace = workspace_from_cloud.inverse();
+        let (objects_m, rest_m) = clouds(look.scene, &look.views, &cloud_from_workspace);
         let opening_m = look.config.plan.gripper.opening_m_max;
         let mut offers = Vec::new();
         let eye = look.views.first().map(|view| view.camera.workspace_from_camera.translation);
@@ -169,12 +170,11 @@ impl Plans for Served {
                 continue;
             }
             let others = objects_m.iter().enumerate().filter(|(other, _)| *other != object);
-            let scene_m: Vec<Vec3> = others.flat_map(|(_, points_m)| points_m).chain(&rest_m[0]).copied().collect();
+            let scene_m: Vec<Vec3> = others.flat_map(|(_, points_m)| points_m).chain(&rest_m).copied().collect();
             let thing_m = thinned(object_m, self.points[1] / 2);
-            let cloud_from_workspace = workspace_from_cloud.inverse();
             let request = json!({
                 "point_cloud": encoded(&thing_m),
-                "scene_points": encoded(&thinned(&scene_m, self.points[1] - thing_m.len())),
+                "scene_points": encoded(&thinned(&scene_m, self.points[1].saturating_sub(thing_m.len()))),
                 "num_grasps": GRASPS,
                 "down": (cloud_from_workspace.rotation * Vec3::NEG_Z).to_array(),
                 "eye_m": eye.map(|at_m| (cloud_from_workspace * at_m).to_array()),
@@ -202,18 +202,8 @@ fn theirs_from_ours(about: &About, tip_depth_m: f32) -> Option<Pose> {
     })
 }
 
-/// What tells a server's results from those of another.
-fn id(config: &[u8], tip_depth_m: f32) -> String {
-    let digest = Sha256::new().chain_update(config).chain_update(tip_depth_m.to_le_bytes()).finalize();
-    digest.iter().fold("served-".to_owned(), |mut text, byte| {
-        // Writing to a string does not fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
-}
-
 /// Of each object the points that the views show, and everything else, in the clouds' frame.
-fn clouds(scene: &Scene, views: &[View], cloud_from_workspace: &Pose) -> [Vec<Vec<Vec3>>; 2] {
+fn clouds(scene: &Scene, views: &[View], cloud_from_workspace: &Pose) -> (Vec<Vec<Vec3>>, Vec<Vec3>) {
     let alone = |objects| Scene { objects, fixtures: Vec::new(), ..scene.clone() };
     let (all, table) = (SceneRays::new(scene), SceneRays::new(&alone(Vec::new())));
     let each: Vec<SceneRays> =
@@ -237,7 +227,7 @@ fn clouds(scene: &Scene, views: &[View], cloud_from_workspace: &Pose) -> [Vec<Ve
             }
         }
     }
-    [objects_m, vec![rest_m]]
+    (objects_m, rest_m)
 }
 
 /// Every so-manieth point, so that there are no more than that many.

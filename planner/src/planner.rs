@@ -382,8 +382,12 @@ fn reason(stages: &[Stage], cloud: &SegmentedCloud, options: &PlanOptions) -> St
     stages.iter().find(|stage| stage.count == 0).map(|stage| stage.none.clone()).unwrap_or_default()
 }
 
-/// FNV-1a over the grid's bits: random choices differ between scenes and repeat in the same scene.
+/// A number of the grid's bits: random choices differ between scenes and repeat in the same scene.
 fn scene_number(grid: &VoxelGrid) -> u64 {
-    let bits = grid.values.iter().map(|value| u64::from(value.to_bits()));
-    bits.fold(0xcbf2_9ce4_8422_2325, |sum, bits| (sum ^ bits).wrapping_mul(0x100_0000_01b3))
+    fnv1a(grid.values.iter().map(|value| value.to_bits()))
+}
+
+/// FNV-1a over numbers.
+pub(crate) fn fnv1a(numbers: impl Iterator<Item = impl Into<u64>>) -> u64 {
+    numbers.fold(0xcbf2_9ce4_8422_2325, |sum, number| (sum ^ number.into()).wrapping_mul(0x100_0000_01b3))
 }

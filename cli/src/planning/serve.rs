@@ -7,6 +7,7 @@ use planner::serve::{GraspFrame, ServeOptions, serve};
 use program::{Context, ExitCode, Failure, print, print_error, stop_on_signals};
 
 use super::NetworkArguments;
+use crate::parse::one_of;
 
 /// Plan grasps over HTTP
 #[derive(Debug, Args)]
@@ -42,16 +43,11 @@ pub(crate) struct Arguments {
 
     /// Axes of the grasps of /predict: dexgraspnet2 (x approaches, y closes), graspgenx (z approaches, x closes) or
     /// tcp_z_approach (z approaches, y closes); their origin is between the finger tips
-    #[arg(long, value_name = "NAME", default_value = "dexgraspnet2", value_parser = frame)]
+    #[arg(long, value_name = "NAME", default_value = "dexgraspnet2", value_parser = one_of!(GraspFrame))]
     grasp_frame: GraspFrame,
 
     #[command(flatten)]
     network: NetworkArguments,
-}
-
-fn frame(name: &str) -> Result<GraspFrame, String> {
-    GraspFrame::from_name(name)
-        .ok_or_else(|| format!("must be one of {}", GraspFrame::ALL.map(GraspFrame::name).join(", ")))
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {

@@ -18,6 +18,7 @@ use super::fault::Fault;
 use super::options::GraspFrame;
 use super::planning::{Planned, server_timing};
 use crate::plan::{Plan, RankedGrasp};
+use crate::planner::fnv1a;
 use crate::{FindTable, Limits, Observation, PlanOptions, Planner, Target};
 
 /// Version of the contract.
@@ -355,7 +356,7 @@ impl PredictAnswer {
             category_sampling: input.category_sampling,
             inference_ms,
             server_version: VersionAnswer::NOW.server_version,
-            request_id: number_of(body),
+            request_id: format!("{:012x}", fnv1a(body.iter().copied()) >> 16),
             backend: VersionAnswer::NOW.backend,
             api_version: CONTRACT,
             reason: plan.reason,
@@ -382,12 +383,4 @@ impl PredictGrasp {
             object_id: 1,
         }
     }
-}
-
-/// Twelve hexadecimal digits of FNV-1a over a body.
-fn number_of(body: &[u8]) -> String {
-    let number = body
-        .iter()
-        .fold(0xcbf2_9ce4_8422_2325, |sum: u64, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3));
-    format!("{:012x}", number >> 16)
 }
