@@ -213,6 +213,9 @@ settings! {
         pub margin_m: f32 where 0.0..=0.05,
         /// Points that may be in the way.
         pub points_max: usize where 0..=1_000_000,
+        /// Whether hands keep off the walls of a bin, a tray or a shelf, if such walls are found: they close on none
+        /// and touch none on their way in and out.
+        pub walls: bool; or false,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use perception::near;
+use perception::{board, near, walls};
 use schema::{Gripper, HandBox, Plane, Pose, Vec3};
 
 use crate::hand::HandVolume;
@@ -17,6 +17,9 @@ const TARGET_NEAR_M: f32 = 0.05;
 const TARGET_POINT_M: f32 = 0.006;
 /// Points no higher than this over the table belong to no object.
 const TABLE_M: f32 = 0.004;
+/// A hand leaves as it came, over this distance, and hits a wall if it meets more of its points: they are noisy.
+const WAY_OUT_M: f32 = 0.1;
+const WALL_POINTS_MAX: usize = 5;
 /// What is between the fingers reaches this far beyond the tips and beside the fingers.
 const BETWEEN_MARGIN_M: f32 = 0.002;
 
@@ -29,23 +32,30 @@ pub(crate) struct Limiter<'a> {
     /// The corners of the open hand at the grasp and before it, in the grasp frame.
     corners_m: Vec<Vec3>,
     between_fingers: HandVolume,
-    /// Points of the surface off the table: the target's, and the others.
-    points_m: Option<[Vec<Vec3>; 2]>,
+    /// Points of the surface off the table: the wanted ones, and the others; what a hand breaks that closes on those.
+    points_m: Option<(Limit, [Vec<Vec3>; 2])>,
+    /// The walls that were found.
+    walls_m: Vec<Vec3>,
+    way_out: HandVolume,
     /// Whether a camera looks at the fingers, and the caller's own.
     will_do: [&'a WillDo<'a>; 2],
     refused: [AtomicUsize; Limit::ALL.len()],
 }
 
 impl<'a> Limiter<'a> {
-    /// Limits for a hand that approaches over this distance. `target_points` has the surface's points that are the
-    /// target's, and the others; none if there is no target.
+    /// Limits for a hand that approaches over this distance. `target_m` has the surface's points that are the target's,
+    /// and the others; none if there is no target. `walls_m` has those that are no wall's, and those of the walls.
     pub(crate) fn new(
         limits: &'a Limits,
         gripper: &Gripper,
         pregrasp_m: f32,
-        points_m: Option<[Vec<Vec3>; 2]>,
+        (target_m, [things_m, walls_m]): (Option<[Vec<Vec3>; 2]>, [Vec<Vec3>; 2]),
         will_do: [&'a WillDo<'a>; 2],
     ) -> Self {
+        // Who wants a wall says so.
+        let no_walls = || (!walls_m.is_empty()).then(|| (Limit::Walls, [things_m, walls_m.clone()]));
+        let points_m = target_m.map(|points_m| (Limit::Target, points_m)).or_else(no_walls);
+        let way_out = gripper.open_hand().map(|part| part.swept_back(WAY_OUT_M));
         let swept = gripper.open_hand().map(|part| part.swept_back(pregrasp_m));
         let corners_m = swept.iter().flat_map(corners).collect();
         let half_m = Vec3::new(
@@ -59,6 +69,8 @@ impl<'a> Limiter<'a> {
             corners_m,
             between_fingers: HandVolume::new(vec![HandBox { centre_m, half_m }]),
             points_m,
+            walls_m,
+            way_out: HandVolume::new(way_out.to_vec()),
             will_do,
             refused: Default::default(),
         }
@@ -95,12 +107,15 @@ impl<'a> Limiter<'a> {
         if keep_out.iter().any(is_beyond) {
             return Some(Limit::KeepOut);
         }
-        if let Some([of_target, of_others]) = &self.points_m {
+        if let Some((limit, [of_target, of_others])) = &self.points_m {
             let [wanted, others] = [of_target, of_others]
                 .map(|points_m| self.between_fingers.points_inside(workspace_from_grasp, points_m));
             if wanted == 0 || others > wanted {
-                return Some(Limit::Target);
+                return Some(*limit);
             }
+        }
+        if self.way_out.points_inside(workspace_from_grasp, &self.walls_m) > WALL_POINTS_MAX {
+            return Some(Limit::Walls);
         }
         let own = [Limit::Unseen, Limit::Accept].into_iter().zip(self.will_do);
         own.into_iter().find(|(_, will_do)| !will_do(workspace_from_grasp)).map(|(limit, _)| limit)
@@ -153,6 +168,19 @@ pub(crate) fn near_points(points_m: &[Vec3], target_m: &[Vec3], table_z_m: f32) 
     [of(true).collect(), of(false).collect()]
 }
 
+/// The points of a surface off the table that are of no wall of a container, and those of walls; nothing if there is no
+/// container.
+pub(crate) fn wall_points(points_m: &[Vec3], table_z_m: f32) -> [Vec<Vec3>; 2] {
+    let walls = walls(points_m, table_z_m);
+    if walls.is_empty() {
+        return Default::default();
+    }
+    let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
+    let (mut of_walls, things): (Vec<Vec3>, _) = off_table.partition(|at| walls.iter().any(|wall| wall.has(*at)));
+    of_walls.extend(board(&walls, table_z_m));
+    [things, of_walls]
+}
+
 /// The points of the object at a point, and those of everything else but the table. Without an object near it there are
 /// none of it.
 pub(crate) fn object_points(cloud: &SegmentedCloud, target_m: Vec3) -> [Vec<Vec3>; 2] {
@@ -179,7 +207,7 @@ mod tests {
 
     fn broken(limits: &Limits, grasp: &Pose) -> Option<Limit> {
         let gripper = BuiltIn::Judge.config().unwrap().gripper;
-        Limiter::new(limits, &gripper, 0.05, None, [&|_| true; 2]).broken(grasp)
+        Limiter::new(limits, &gripper, 0.05, Default::default(), [&|_| true; 2]).broken(grasp)
     }
 
     #[test]
@@ -210,7 +238,7 @@ mod tests {
         assert_eq!(broken(&shelf(top_m - 0.001), &down), Some(Limit::KeepOut));
         assert_eq!(broken(&shelf(top_m + 0.001), &down), None);
         let (none, left) = (Limits::default(), |pose: &Pose| pose.translation.x < 0.1);
-        let limiter = Limiter::new(&none, &gripper, 0.05, None, [&|_| true, &left]);
+        let limiter = Limiter::new(&none, &gripper, 0.05, Default::default(), [&|_| true, &left]);
         let beside = Pose::from_parts(Vec3::new(0.09, 0.2, 0.08), WRIST_DOWN);
         assert_eq!((limiter.broken(&down), limiter.broken(&beside)), (Some(Limit::Accept), None));
         assert_eq!(limiter.rejections().as_deref(), Some("1 by accept"));
@@ -231,7 +259,8 @@ mod tests {
             ([vec![Vec3::new(0.2, 0.2, 0.09)], vec![]], Some(Limit::Target)),
         ];
         for (points, expected) in cases {
-            let limiter = Limiter::new(&limits, &gripper, 0.05, Some(points.clone()), [&|_| true; 2]);
+            let limiter =
+                Limiter::new(&limits, &gripper, 0.05, (Some(points.clone()), Default::default()), [&|_| true; 2]);
             assert_eq!(limiter.broken(&down), expected, "{points:?}");
             assert_eq!(limiter.rejections(), expected.map(|_| "1 by target".to_owned()));
         }

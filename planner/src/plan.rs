@@ -172,6 +172,8 @@ words! {
         AvoidObjects = "avoid_objects",
         /// It would hold something else.
         Target = "target",
+        /// It would close on a wall of a bin, a tray or a shelf, or touch one on its way.
+        Walls = "walls",
         /// The fingers would close where no camera looks: beside what the border of an image cuts.
         Unseen = "unseen",
         /// The caller's own, which only programs have that link the planner: Python's `accept`.

@@ -62,7 +62,7 @@ pub use object_grasps::{GraspSource, GripTest, Margins, ObjectGrasp, ObjectGrasp
 pub use outcome::{HitKind, Outcome};
 pub use points::samples_of;
 pub use polyhedron::{Face, HullError, Polyhedron, bounds_m};
-pub use pose::{Mat3, Pose, Quat, Vec3, axis_angle, pose_from_parts};
+pub use pose::{Mat3, Pose, Quat, Vec2, Vec3, axis_angle, pose_from_parts};
 pub use procedure::Procedure;
 pub use record::{AttemptRecord, ObjectRecord, SceneRecord, SceneRejections, SceneRows};
 pub use rule::{Approach, Axis, Rule};

@@ -4,6 +4,8 @@
 pub type Pose = glamx::Pose3;
 /// A vector or point in single precision.
 pub type Vec3 = glamx::Vec3;
+/// A level point or direction.
+pub type Vec2 = glamx::Vec2;
 /// A unit quaternion, stored and written x, y, z, w.
 pub type Quat = glamx::Quat;
 /// A 3×3 matrix, by columns.

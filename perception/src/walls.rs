@@ -1,0 +1,463 @@
+//! The walls of a bin, a tray or a shelf among the points of a surface.
+//!
+//! A wall is a straight and thin ridge: lower on both sides, and about as high all along. One ridge may be a book or a
+//! handle. Three or four that are at right angles and meet enclose a floor, and no object's width lies between them.
+
+use core::cmp::Ordering;
+use core::f32::consts::{FRAC_PI_2, PI};
+
+use schema::{Vec2, Vec3};
+
+/// Side of a cell of the map of heights.
+const CELL_M: f32 = 0.004;
+/// Lower than this above the table nothing is a wall.
+const FLOOR_M: f32 = 0.008;
+/// Walls are compared up to this height above the table: of higher ones a view shows more here and less there.
+const TALL_M: f32 = 0.10;
+/// Beside a ridge it is lower by this …
+const LOWER_M: f32 = 0.010;
+/// … in these cells on both sides, 16 to 24 mm from it, along one of so many directions.
+const BESIDE_CELLS: [f32; 3] = [4.0, 5.0, 6.0];
+const DIRECTIONS: usize = 8;
+/// Fewer cells are no wall.
+const CELLS_MIN: usize = 40;
+/// A ridge is as wide as its row of cells and so many on each side.
+const ROW_CELLS: usize = 2;
+/// Along a ridge it is looked at in steps, of which no more than this many are missing in a row.
+const STEP_M: f32 = 0.008;
+const GAP_STEPS: usize = 6;
+/// Shortest ridge, and the least share of its steps that are seen.
+const RIDGE_M_MIN: f32 = 0.10;
+const SEEN_SHARE_MIN: f32 = 0.6;
+/// Heights along a ridge, and those of a container's walls, differ by less than this, or than this share of the height.
+const HEIGHT_OFF_M: f32 = 0.012;
+const HEIGHT_OFF_SHARE: f32 = 0.3;
+/// Of parallel ridges that are nearer than this only one counts.
+const APART_M: f32 = 0.02;
+/// Walls meet within this.
+const CORNER_M: f32 = 0.03;
+/// Less is no container: between walls, from a wall to the one across, and the seen length of all.
+const INNER_M_MIN: f32 = 0.15;
+const DEPTH_M_MIN: f32 = 0.10;
+const LENGTH_M_MIN: f32 = 0.45;
+/// Least part of a wall that lies between those that it connects.
+const CONNECTED_SHARE: f32 = 0.6;
+/// A wall's points are this near to it, and on its outer side so near.
+const WALL_M: f32 = 0.008;
+const OUTER_M: f32 = 0.020;
+/// Walls lean outwards by at most this many metres a metre, tried in such steps.
+const SLOPES: usize = 22;
+const SLOPE_STEP: f32 = 0.025;
+/// The points of a board have this pitch.
+const BOARD_PITCH_M: f32 = 0.008;
+
+/// A wall of a container.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wall {
+    /// From the wall into the container, level and of length 1; the wall runs along it turned to the left.
+    pub inward: Vec2,
+    /// Where the upper edge lies along `inward`, in metres.
+    pub offset_m: f32,
+    /// The ends of the wall along its own direction, in metres.
+    pub ends_m: [f32; 2],
+    /// Height of its upper edge in the cloud's frame, in metres.
+    pub top_m: f32,
+    /// Height of its lower edge as it was seen.
+    pub bottom_m: f32,
+    /// How far it comes inwards below that edge, in metres a metre.
+    pub slope: f32,
+}
+
+impl Wall {
+    /// Whether a point belongs to the wall.
+    #[must_use]
+    pub fn has(&self, point_m: Vec3) -> bool {
+        let (at, below_m) = (point_m.truncate(), self.top_m - point_m.z);
+        let (in_m, along_m) = (at.dot(self.inward) - self.offset_m, at.dot(self.inward.perp()));
+        let is_along = along_m >= self.ends_m[0] - WALL_M && along_m <= self.ends_m[1] + WALL_M;
+        is_along && in_m >= -OUTER_M && in_m <= self.slope * below_m.max(0.0) + WALL_M && below_m >= -self.over_m()
+    }
+
+    /// So far over the upper edge it may still be the wall: heights along it differ.
+    fn over_m(&self) -> f32 {
+        0.5 * HEIGHT_OFF_SHARE * TALL_M
+    }
+}
+
+/// The three or four walls that enclose the largest part of what was seen; none if there is no such container.
+/// `points_m` are a surface above and on a level table, at most [`CELL_M`] apart where it was seen.
+#[must_use]
+pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
+    let above_m: Vec<Vec3> = points_m.iter().copied().filter(|point| point.z > table_z_m + FLOOR_M).collect();
+    if above_m.len() < CELLS_MIN {
+        return Vec::new();
+    }
+    let cells_m = Heights::new(&above_m).ridges(table_z_m + TALL_M);
+    if cells_m.len() < CELLS_MIN {
+        return Vec::new();
+    }
+    let axes = direction(&cells_m);
+    let mut ridges: Vec<Ridge> = (0..2).flat_map(|axis| along(&cells_m, axes, axis, table_z_m)).collect();
+    ridges.sort_by(|a, b| b.cells.cmp(&a.cells));
+    let mut kept: Vec<Ridge> = Vec::new();
+    for ridge in ridges {
+        if !kept.iter().any(|better| better.is_beside(&ridge)) {
+            kept.push(ridge);
+        }
+    }
+    let sides = enclosing(&kept, table_z_m);
+    let middle = |axis: usize| {
+        let across = sides.iter().filter(|side| side.axis == axis).map(|side| side.offset_m);
+        let along = sides.iter().filter(|side| side.axis != axis).flat_map(|side| side.ends_m);
+        let all: Vec<f32> = across.chain(along).collect();
+        all.iter().sum::<f32>() / all.len() as f32
+    };
+    let inside = [middle(0), middle(1)];
+    sides.iter().map(|side| side.wall(axes, inside[side.axis], &above_m)).collect()
+}
+
+/// Points of the board over a shelf, which nobody sees from before it: at the height of its front edge, over all that the
+/// walls enclose. None if all of `walls` stand on the table.
+#[must_use]
+pub fn board(walls: &[Wall], table_z_m: f32) -> Vec<Vec3> {
+    let Some(edge) = walls.iter().find(|wall| wall.bottom_m > table_z_m + TALL_M) else { return Vec::new() };
+    let depth_m = |wall: &Wall| match wall.inward.dot(edge.inward) {
+        turn if turn < -0.5 => Some(-wall.offset_m - edge.offset_m),
+        turn if turn.abs() < 0.5 => {
+            let far = wall.ends_m.map(|end| (end * wall.inward.perp()).dot(edge.inward) - edge.offset_m);
+            Some(far[0].max(far[1]))
+        }
+        _ => None,
+    };
+    let deep = (walls.iter().filter_map(depth_m).fold(0.0, f32::max) / BOARD_PITCH_M) as usize;
+    let wide = ((edge.ends_m[1] - edge.ends_m[0]) / BOARD_PITCH_M) as usize;
+    let at = |row: usize, column: usize| {
+        let along = edge.inward.perp() * (edge.ends_m[0] + column as f32 * BOARD_PITCH_M);
+        (edge.inward * (edge.offset_m + row as f32 * BOARD_PITCH_M) + along).extend(edge.bottom_m)
+    };
+    (0..=deep).flat_map(|row| (0..=wide).map(move |column| at(row, column))).collect()
+}
+
+/// The highest point of each cell.
+struct Heights {
+    low: Vec2,
+    counts: [usize; 2],
+    top_m: Vec<f32>,
+}
+
+impl Heights {
+    fn new(points_m: &[Vec3]) -> Self {
+        let low = points_m.iter().fold(Vec2::INFINITY, |low, p| low.min(p.truncate()));
+        let high = points_m.iter().fold(Vec2::NEG_INFINITY, |high, p| high.max(p.truncate()));
+        let counts = ((high - low) / CELL_M).to_array().map(|cells| cells as usize + 1);
+        let mut heights = Self { low, counts, top_m: vec![f32::NEG_INFINITY; counts[0] * counts[1]] };
+        for point in points_m {
+            let [x, y] = ((point.truncate() - low) / CELL_M).to_array().map(|cell| cell as usize);
+            let top_m = &mut heights.top_m[x * counts[1] + y];
+            *top_m = top_m.max(point.z);
+        }
+        heights
+    }
+
+    fn at(&self, cell: Vec2) -> f32 {
+        let [x, y] = cell.round().to_array();
+        let is_inside = x >= 0.0 && y >= 0.0 && (x as usize) < self.counts[0] && (y as usize) < self.counts[1];
+        if is_inside { self.top_m[x as usize * self.counts[1] + y as usize] } else { f32::NEG_INFINITY }
+    }
+
+    /// The middles of the cells that are ridges, no higher than `tall_z_m`.
+    fn ridges(&self, tall_z_m: f32) -> Vec<Vec3> {
+        let directions: Vec<Vec2> = (0..DIRECTIONS)
+            .map(|turn| {
+                let (sin, cos) = libm::sincosf(PI * turn as f32 / DIRECTIONS as f32);
+                Vec2::new(cos, sin)
+            })
+            .collect();
+        let mut found = Vec::new();
+        for (index, top_m) in self.top_m.iter().enumerate().filter(|(_, top_m)| top_m.is_finite()) {
+            let cell = Vec2::new((index / self.counts[1]) as f32, (index % self.counts[1]) as f32);
+            let z = top_m.min(tall_z_m);
+            let is_lower = |way: Vec2| BESIDE_CELLS.iter().all(|far| self.at(cell + way * *far) < z - LOWER_M);
+            if directions.iter().any(|way| is_lower(*way) && is_lower(-*way)) {
+                found.push((self.low + (cell + 0.5) * CELL_M).extend(z));
+            }
+        }
+        found
+    }
+}
+
+/// Two level directions at right angles along which most cells lie in rows: where the histogram of their offsets has
+/// its highest peaks.
+fn direction(cells_m: &[Vec3]) -> [Vec2; 2] {
+    let axes = |angle: f32| {
+        let (sin, cos) = libm::sincosf(angle);
+        [Vec2::new(cos, sin), Vec2::new(-sin, cos)]
+    };
+    let peaks = |angle: f32| -> u64 {
+        let squares = axes(angle).map(|axis| {
+            let offsets = || cells_m.iter().map(|cell| cell.truncate().dot(axis));
+            let (low, high) = offsets().fold((f32::MAX, f32::MIN), |(low, high), at| (low.min(at), high.max(at)));
+            let mut rows = vec![0_u64; ((high - low) / CELL_M) as usize + 1];
+            offsets().for_each(|at| rows[((at - low) / CELL_M) as usize] += 1);
+            rows.iter().map(|count| count * count).sum::<u64>()
+        });
+        squares[0] + squares[1]
+    };
+    // The first of equals, so that a bin along the axes is along the axes.
+    let best = |angles: Vec<f32>| {
+        let scored = angles.into_iter().map(|angle| (peaks(angle), angle));
+        scored.reduce(|best, next| if next.0 > best.0 { next } else { best }).map_or(0.0, |(_, angle)| angle)
+    };
+    let about = best((0..60).map(|step| FRAC_PI_2 * step as f32 / 60.0).collect());
+    axes(best(
+        [0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5, 6, -6].map(|step| about + FRAC_PI_2 * step as f32 / 360.0).to_vec(),
+    ))
+}
+
+/// A straight row of cells.
+#[derive(Debug, Clone, Copy)]
+struct Ridge {
+    /// Which of the two directions it lies across.
+    axis: usize,
+    offset_m: f32,
+    /// Its ends along the other direction.
+    ends_m: [f32; 2],
+    /// Height of its cells, up to [`TALL_M`] above the table.
+    top_m: f32,
+    cells: usize,
+    /// How much of it was seen.
+    seen_m: f32,
+}
+
+/// The ridges across one of two directions.
+fn along(cells_m: &[Vec3], axes: [Vec2; 2], axis: usize, table_z_m: f32) -> Vec<Ridge> {
+    let [across, along] = [axes[axis], axes[1 - axis]];
+    let places: Vec<[f32; 3]> =
+        cells_m.iter().map(|cell| [cell.truncate().dot(across), cell.truncate().dot(along), cell.z]).collect();
+    let low = |part: usize| places.iter().fold(f32::MAX, |low, place| low.min(place[part]));
+    let (low_m, start_m) = (low(0), low(1));
+    let row_of = |place: &[f32; 3]| ((place[0] - low_m) / CELL_M) as usize;
+    let mut rows: Vec<Vec<[f32; 3]>> = vec![Vec::new(); places.iter().map(row_of).max().map_or(0, |row| row + 1)];
+    places.iter().for_each(|place| rows[row_of(place)].push(*place));
+    let ridge = |row: usize| {
+        let near = rows[row.saturating_sub(ROW_CELLS)..rows.len().min(row + ROW_CELLS + 1)].concat();
+        let mut offsets: Vec<f32> = near.iter().map(|place| place[0]).collect();
+        let mut steps: Vec<f32> = Vec::new();
+        for place in &near {
+            let step = ((place[1] - start_m) / STEP_M) as usize;
+            steps.resize(steps.len().max(step + 1), f32::NEG_INFINITY);
+            steps[step] = steps[step].max(place[2]);
+        }
+        let mut tops: Vec<f32> = steps.iter().copied().filter(|top_m| top_m.is_finite()).collect();
+        let (offset_m, top_m) = (median(&mut offsets)?, median(&mut tops)?);
+        let alike = |top: &f32| (top - top_m).abs() <= height_off_m(top_m - table_z_m);
+        let (first, last, seen) = longest_run(steps.iter().map(alike))?;
+        let (length_m, seen_m) = ((last + 1 - first) as f32 * STEP_M, seen as f32 * STEP_M);
+        let ends_m = [first, last + 1].map(|step| start_m + step as f32 * STEP_M);
+        let is_long = length_m >= RIDGE_M_MIN && seen_m >= SEEN_SHARE_MIN * length_m;
+        is_long.then_some(Ridge { axis, offset_m, ends_m, top_m, cells: near.len(), seen_m })
+    };
+    (0..rows.len()).filter_map(ridge).collect()
+}
+
+/// By how much walls of about this height differ.
+fn height_off_m(height_m: f32) -> f32 {
+    HEIGHT_OFF_M.max(HEIGHT_OFF_SHARE * height_m)
+}
+
+fn median(values: &mut [f32]) -> Option<f32> {
+    values.sort_unstable_by(f32::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// First and last of the steps that are seen with no gap above [`GAP_STEPS`], and their number: of the run that has most.
+fn longest_run(is_seen: impl Iterator<Item = bool>) -> Option<(usize, usize, usize)> {
+    let mut runs: Vec<(usize, usize, usize)> = Vec::new();
+    for (step, _) in is_seen.enumerate().filter(|(_, is_seen)| *is_seen) {
+        match runs.last_mut() {
+            Some((_, last, seen)) if step - *last <= GAP_STEPS => (*last, *seen) = (step, *seen + 1),
+            _ => runs.push((step, step, 1)),
+        }
+    }
+    runs.into_iter().reduce(|best, next| if next.2 > best.2 { next } else { best })
+}
+
+impl Ridge {
+    /// Whether another runs next to it, at most a wall's width away.
+    fn is_beside(&self, other: &Self) -> bool {
+        self.axis == other.axis
+            && (self.offset_m - other.offset_m).abs() <= APART_M
+            && self.ends_m[0].max(other.ends_m[0]) <= self.ends_m[1].min(other.ends_m[1])
+    }
+
+    fn is_as_high(&self, other: &Self, table_z_m: f32) -> bool {
+        (self.top_m - other.top_m).abs() < height_off_m(other.top_m - table_z_m)
+    }
+
+    /// How much of it lies between two offsets.
+    fn between_m(&self, [from_m, to_m]: [f32; 2]) -> f32 {
+        self.ends_m[1].min(to_m) - self.ends_m[0].max(from_m)
+    }
+
+    /// The wall whose upper edge it is. `inside_m` is an offset in the container.
+    fn wall(&self, axes: [Vec2; 2], inside_m: f32, points_m: &[Vec3]) -> Wall {
+        let sign = if inside_m < self.offset_m { -1.0 } else { 1.0 };
+        let inward = sign * axes[self.axis];
+        // The other direction is to the left of the first, and to the right of the second.
+        let turn = sign * if self.axis == 0 { 1.0 } else { -1.0 };
+        let mut ends_m = self.ends_m.map(|end| turn * end);
+        ends_m.sort_unstable_by(f32::total_cmp);
+        let mut wall =
+            Wall { inward, offset_m: sign * self.offset_m, ends_m, top_m: f32::MAX, bottom_m: f32::MIN, slope: 0.0 };
+        let edge: Vec<&Vec3> = points_m.iter().filter(|point| wall.has(**point)).collect();
+        let (from_m, steps) = (ends_m[0] - WALL_M, ((ends_m[1] - ends_m[0] + 2.0 * WALL_M) / STEP_M) as usize + 1);
+        let mut spans = vec![[f32::INFINITY, f32::NEG_INFINITY]; steps];
+        for point in &edge {
+            let step = ((point.truncate().dot(inward.perp()) - from_m) / STEP_M).max(0.0) as usize;
+            let [bottom_m, top_m] = spans[step.min(steps - 1)];
+            spans[step.min(steps - 1)] = [bottom_m.min(point.z), top_m.max(point.z)];
+        }
+        spans.retain(|[_, top_m]| top_m.is_finite());
+        let middle = |end: usize| median(&mut spans.iter().map(|span| span[end]).collect::<Vec<f32>>());
+        wall.bottom_m = middle(0).unwrap_or(self.top_m);
+        wall.top_m = middle(1).unwrap_or(self.top_m);
+        let is_upper = |point: &&&Vec3| wall.top_m - point.z < LOWER_M;
+        let mut upper: Vec<f32> = edge.iter().filter(is_upper).map(|point| point.truncate().dot(inward)).collect();
+        wall.offset_m = median(&mut upper).unwrap_or(wall.offset_m);
+        let on_it = |slope: f32| {
+            let is_on = |point: &&Vec3| {
+                let below_m = wall.top_m - point.z;
+                let off_m = point.truncate().dot(inward) - wall.offset_m - slope * below_m;
+                below_m > 0.0 && off_m.abs() <= 0.5 * WALL_M && Wall { slope, ..wall }.has(**point)
+            };
+            points_m.iter().filter(is_on).count()
+        };
+        let slopes = (0..SLOPES).map(|step| step as f32 * SLOPE_STEP).map(|slope| (on_it(slope), slope));
+        wall.slope = slopes.reduce(|best, next| if next.0 > best.0 { next } else { best }).map_or(0.0, |(_, s)| s);
+        wall
+    }
+}
+
+/// Two ridges across one direction, one across the other that connects them, and the one across from it if there is one:
+/// those of which most was seen.
+fn enclosing(ridges: &[Ridge], table_z_m: f32) -> Vec<Ridge> {
+    let mut best = (LENGTH_M_MIN, Vec::new());
+    for base in ridges {
+        let sides = ridges.iter().filter(|arm| arm.axis != base.axis && arm.is_as_high(base, table_z_m));
+        let arms: Vec<&Ridge> =
+            sides.filter(|arm| arm.ends_m.iter().any(|end| (end - base.offset_m).abs() < CORNER_M)).collect();
+        for (place, one) in arms.iter().enumerate() {
+            for other in &arms[place + 1..] {
+                let (left, right) = if one.offset_m < other.offset_m { (one, other) } else { (other, one) };
+                let (between, width_m) = ([left.offset_m, right.offset_m], right.offset_m - left.offset_m);
+                let side = |arm: &Ridge| (0.5 * (arm.ends_m[0] + arm.ends_m[1]) - base.offset_m).signum();
+                let connects = base.between_m(between) >= CONNECTED_SHARE * width_m;
+                if width_m < INNER_M_MIN || side(left) != side(right) || !connects {
+                    continue;
+                }
+                let is_across = |wall: &&Ridge| {
+                    wall.axis == base.axis
+                        && wall.is_as_high(base, table_z_m)
+                        && (wall.offset_m - base.offset_m) * side(left) > DEPTH_M_MIN
+                        && wall.between_m(between) > 0.5 * width_m
+                };
+                let longest = |a: &&Ridge, b: &&Ridge| a.seen_m.total_cmp(&b.seen_m).then(Ordering::Greater);
+                let across = ridges.iter().filter(is_across).max_by(longest);
+                let seen_m = |wall: &Ridge| wall.seen_m.min(width_m);
+                let all_m = left.seen_m + right.seen_m + seen_m(base) + across.map_or(0.0, seen_m);
+                if all_m > best.0 {
+                    best = (all_m, [**left, **right, *base].into_iter().chain(across.copied()).collect());
+                }
+            }
+        }
+    }
+    best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::axis_angle;
+
+    use super::*;
+
+    const TABLE_M: f32 = 0.05;
+
+    /// Points 3 mm apart on an upright rectangle from a point.
+    fn sheet(from: Vec3, along: Vec3, up: Vec3) -> impl Iterator<Item = Vec3> {
+        let [columns, rows] = [along, up].map(|side| (side.length() / 0.003) as usize);
+        (0..=columns * (rows + 1) + rows).map(move |n| {
+            let (column, row) = (n / (rows + 1), n % (rows + 1));
+            from + along * (column as f32 / columns as f32) + up * (row as f32 / rows.max(1) as f32)
+        })
+    }
+
+    /// A bin of 0.24 by 0.20 m, 0.06 m high, with walls that lean outwards; some of its four sides.
+    fn bin(sides: usize, slope: f32) -> Vec<Vec3> {
+        let corners = [[0.0, 0.0], [0.24, 0.0], [0.24, 0.20], [0.0, 0.20]].map(|[x, y]| Vec3::new(x, y, TABLE_M));
+        let middle = Vec3::new(0.12, 0.10, TABLE_M);
+        let wall = |side: usize| {
+            let (from, to) = (corners[side], corners[(side + 1) % 4]);
+            let outward = (0.5 * (from + to) - middle).normalize();
+            sheet(from, to - from, 0.06 * (Vec3::Z + slope * outward))
+        };
+        (0..sides).flat_map(wall).collect()
+    }
+
+    /// A box of which a camera sees top and sides.
+    fn cuboid(low: Vec3, size: Vec3) -> Vec<Vec3> {
+        let [x, y, z] = [Vec3::X * size, Vec3::Y * size, Vec3::Z * size];
+        let sides = [(low, x, z), (low, y, z), (low + x, y, z), (low + y, x, z), (low + z, x, y)];
+        sides.into_iter().flat_map(|(from, along, up)| sheet(from, along, up)).collect()
+    }
+
+    #[test]
+    fn the_walls_of_a_bin_are_found_wherever_it_stands() {
+        let things = cuboid(Vec3::new(0.05, 0.06, TABLE_M), Vec3::new(0.08, 0.05, 0.07));
+        for turn in [0.0, 0.3, 1.2] {
+            let turned = |point: &Vec3| axis_angle(Vec3::Z, turn) * *point + Vec3::new(0.4, -0.1, 0.0);
+            for (sides, slope) in [(3, 0.1), (4, 0.0), (4, 0.4)] {
+                let [sheets, things] =
+                    [&bin(sides, slope), &things].map(|of| of.iter().map(turned).collect::<Vec<Vec3>>());
+                let found = walls(&[sheets.clone(), things.clone()].concat(), TABLE_M);
+                assert_eq!(found.len(), sides, "{turn} {sides}: {found:?}");
+                let share = |points: &[Vec3]| {
+                    let walls = points.iter().filter(|point| found.iter().any(|wall| wall.has(**point)));
+                    walls.count() as f32 / points.len() as f32
+                };
+                assert!(share(&sheets) > 0.97, "{}", share(&sheets));
+                assert_eq!(share(&things), 0.0);
+                assert!(found.iter().all(|wall| (wall.top_m - 0.11).abs() < 0.004), "{found:?}");
+                assert!(found.iter().all(|wall| (wall.slope - slope).abs() < 0.11), "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_board_lies_behind_an_edge_that_hangs() {
+        let at = |x, y, z| Vec3::new(x, y, TABLE_M + z);
+        let (side, back) = (|x| sheet(at(x, 0.0, 0.0), 0.2 * Vec3::Y, 0.2 * Vec3::Z), at(0.0, 0.2, 0.0));
+        let stands = side(0.0).chain(side(0.25)).chain(sheet(back, 0.25 * Vec3::X, 0.2 * Vec3::Z));
+        let stands: Vec<Vec3> = stands.collect();
+        assert_eq!(board(&walls(&stands, TABLE_M), TABLE_M), []);
+        let edge = sheet(at(0.0, 0.0, 0.19), 0.25 * Vec3::X, 0.02 * Vec3::Z);
+        let found = walls(&stands.into_iter().chain(edge).collect::<Vec<_>>(), TABLE_M);
+        assert_eq!(found.len(), 4, "{found:?}");
+        let over = board(&found, TABLE_M);
+        let [low, high] = [Vec3::min, Vec3::max].map(|of| over.iter().copied().reduce(of).unwrap());
+        assert!(
+            (low - at(0.0, 0.0, 0.19)).length() < 0.02 && (high - at(0.25, 0.2, 0.19)).length() < 0.02,
+            "{low} {high}"
+        );
+    }
+
+    #[test]
+    fn two_walls_and_things_are_no_container() {
+        assert_eq!(walls(&bin(2, 0.1), TABLE_M), []);
+        assert_eq!(walls(&[], TABLE_M), []);
+        let carton = cuboid(Vec3::new(0.0, 0.0, TABLE_M), Vec3::new(0.25, 0.20, 0.10));
+        assert_eq!(walls(&carton, TABLE_M), []);
+        // A frame of 0.12 m is a thing.
+        let small: Vec<Vec3> = bin(4, 0.1).iter().map(|point| *point * Vec3::new(0.5, 0.6, 1.0)).collect();
+        assert_eq!(walls(&small, TABLE_M), []);
+    }
+}
