@@ -1,9 +1,9 @@
 //! The walls of a bin, a tray or a shelf among the points of a surface.
 //!
 //! A wall is a straight and thin ridge: lower on both sides, and about as high all along. One ridge may be a book or a
-//! handle. Three or four that are at right angles and meet enclose a floor, and no object's width lies between them.
+//! handle. Two that face each other and are as long, or three at right angles that meet, enclose a floor, and no object's
+//! width lies between them. Where the other walls must be, the points that were seen are theirs.
 
-use core::cmp::Ordering;
 use core::f32::consts::{FRAC_PI_2, PI};
 
 use schema::{Vec2, Vec3};
@@ -84,7 +84,8 @@ impl Wall {
     }
 }
 
-/// The three or four walls that enclose the largest part of what was seen; none if there is no such container.
+/// The four walls that enclose a floor, those of which most was seen, or none if there is no such container. Of one or
+/// two of them nothing need have been seen: a tray may be open.
 /// `points_m` are a surface above and on a level table, at most [`CELL_M`] apart where it was seen.
 #[must_use]
 pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
@@ -105,7 +106,7 @@ pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
             kept.push(ridge);
         }
     }
-    let sides = enclosing(&kept, table_z_m);
+    let sides = completed(enclosing(&kept, table_z_m));
     let middle = |axis: usize| {
         let across = sides.iter().filter(|side| side.axis == axis).map(|side| side.offset_m);
         let along = sides.iter().filter(|side| side.axis != axis).flat_map(|side| side.ends_m);
@@ -294,6 +295,16 @@ impl Ridge {
         (self.top_m - other.top_m).abs() < height_off_m(other.top_m - table_z_m)
     }
 
+    /// Whether both begin and end at the same places.
+    fn is_as_long(&self, other: &Self) -> bool {
+        self.ends_m.iter().zip(other.ends_m).all(|(one, other)| (one - other).abs() < CORNER_M)
+    }
+
+    /// On which side of a ridge across it lies, 1 or -1.
+    fn side_of(&self, across: &Self) -> f32 {
+        (0.5 * (self.ends_m[0] + self.ends_m[1]) - across.offset_m).signum()
+    }
+
     /// How much of it lies between two offsets.
     fn between_m(&self, [from_m, to_m]: [f32; 2]) -> f32 {
         self.ends_m[1].min(to_m) - self.ends_m[0].max(from_m)
@@ -338,40 +349,65 @@ impl Ridge {
     }
 }
 
-/// Two ridges across one direction, one across the other that connects them, and the one across from it if there is one:
-/// those of which most was seen.
+/// Two walls that face each other, or two with one that connects them and perhaps the one across from it: those of which
+/// most was seen.
 fn enclosing(ridges: &[Ridge], table_z_m: f32) -> Vec<Ridge> {
     let mut best = (LENGTH_M_MIN, Vec::new());
-    for base in ridges {
-        let sides = ridges.iter().filter(|arm| arm.axis != base.axis && arm.is_as_high(base, table_z_m));
-        let arms: Vec<&Ridge> =
-            sides.filter(|arm| arm.ends_m.iter().any(|end| (end - base.offset_m).abs() < CORNER_M)).collect();
-        for (place, one) in arms.iter().enumerate() {
-            for other in &arms[place + 1..] {
-                let (left, right) = if one.offset_m < other.offset_m { (one, other) } else { (other, one) };
-                let (between, width_m) = ([left.offset_m, right.offset_m], right.offset_m - left.offset_m);
-                let side = |arm: &Ridge| (0.5 * (arm.ends_m[0] + arm.ends_m[1]) - base.offset_m).signum();
-                let connects = base.between_m(between) >= CONNECTED_SHARE * width_m;
-                if width_m < INNER_M_MIN || side(left) != side(right) || !connects {
-                    continue;
-                }
+    let mut is_best = |sides: Vec<Ridge>, width_m: f32| {
+        let seen_m = |side: &Ridge| if side.axis == sides[0].axis { side.seen_m } else { side.seen_m.min(width_m) };
+        let all_m = sides.iter().map(seen_m).sum::<f32>();
+        if all_m > best.0 {
+            best = (all_m, sides);
+        }
+    };
+    for (place, one) in ridges.iter().enumerate() {
+        let facing = ridges[place + 1..].iter().filter(|other| other.axis == one.axis);
+        for other in facing.filter(|other| (other.offset_m - one.offset_m).abs() >= INNER_M_MIN) {
+            let (left, right) = if one.offset_m < other.offset_m { (one, other) } else { (other, one) };
+            if left.is_as_long(right) && left.is_as_high(right, table_z_m) {
+                is_best(vec![*left, *right], 0.0);
+            }
+            let (between, width_m) = ([left.offset_m, right.offset_m], right.offset_m - left.offset_m);
+            let connects = |base: &&Ridge| {
+                let meets = |arm: &Ridge| {
+                    arm.ends_m.iter().any(|end| (end - base.offset_m).abs() < CORNER_M)
+                        && arm.is_as_high(base, table_z_m)
+                };
+                base.axis != one.axis
+                    && meets(left)
+                    && meets(right)
+                    && left.side_of(base) == right.side_of(base)
+                    && base.between_m(between) >= CONNECTED_SHARE * width_m
+            };
+            for base in ridges.iter().filter(connects) {
                 let is_across = |wall: &&Ridge| {
                     wall.axis == base.axis
                         && wall.is_as_high(base, table_z_m)
-                        && (wall.offset_m - base.offset_m) * side(left) > DEPTH_M_MIN
+                        && (wall.offset_m - base.offset_m) * left.side_of(base) > DEPTH_M_MIN
                         && wall.between_m(between) > 0.5 * width_m
                 };
-                let longest = |a: &&Ridge, b: &&Ridge| a.seen_m.total_cmp(&b.seen_m).then(Ordering::Greater);
-                let across = ridges.iter().filter(is_across).max_by(longest);
-                let seen_m = |wall: &Ridge| wall.seen_m.min(width_m);
-                let all_m = left.seen_m + right.seen_m + seen_m(base) + across.map_or(0.0, seen_m);
-                if all_m > best.0 {
-                    best = (all_m, [**left, **right, *base].into_iter().chain(across.copied()).collect());
-                }
+                let across = ridges.iter().filter(is_across).max_by(|a, b| a.seen_m.total_cmp(&b.seen_m));
+                is_best([*left, *right, *base].into_iter().chain(across.copied()).collect(), width_m);
             }
         }
     }
     best.1
+}
+
+/// The same walls and those that were not seen: where the others end.
+fn completed(mut sides: Vec<Ridge>) -> Vec<Ridge> {
+    let Some(first) = sides.first().copied() else { return sides };
+    let of = |axis: usize, sides: &[Ridge]| -> Vec<Ridge> {
+        sides.iter().copied().filter(|side| side.axis == axis).collect()
+    };
+    let (pair, others) = (of(first.axis, &sides), of(1 - first.axis, &sides));
+    let ends_m = [pair[0].offset_m, pair[1].offset_m];
+    let end = |end: usize| 0.5 * (pair[0].ends_m[end] + pair[1].ends_m[end]);
+    let is_there = |offset_m: f32| others.iter().any(|other| (other.offset_m - offset_m).abs() < DEPTH_M_MIN);
+    for offset_m in [end(0), end(1)].into_iter().filter(|offset_m| !is_there(*offset_m)) {
+        sides.push(Ridge { axis: 1 - first.axis, offset_m, ends_m, cells: 0, seen_m: 0.0, ..first });
+    }
+    sides
 }
 
 #[cfg(test)]
@@ -419,7 +455,7 @@ mod tests {
                 let [sheets, things] =
                     [&bin(sides, slope), &things].map(|of| of.iter().map(turned).collect::<Vec<Vec3>>());
                 let found = walls(&[sheets.clone(), things.clone()].concat(), TABLE_M);
-                assert_eq!(found.len(), sides, "{turn} {sides}: {found:?}");
+                assert_eq!(found.len(), 4, "{turn} {sides}: {found:?}");
                 let share = |points: &[Vec3]| {
                     let walls = points.iter().filter(|point| found.iter().any(|wall| wall.has(**point)));
                     walls.count() as f32 / points.len() as f32

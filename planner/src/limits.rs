@@ -110,7 +110,9 @@ impl<'a> Limiter<'a> {
         if let Some((limit, [of_target, of_others])) = &self.points_m {
             let [wanted, others] = [of_target, of_others]
                 .map(|points_m| self.between_fingers.points_inside(workspace_from_grasp, points_m));
-            if wanted == 0 || others > wanted {
+            // A wall takes no part: it holds what it is gripped with.
+            let others_max = if *limit == Limit::Walls { WALL_POINTS_MAX } else { wanted };
+            if wanted == 0 || others > others_max {
                 return Some(*limit);
             }
         }
