@@ -56,4 +56,4 @@ pub use surface::{surface_cloud, surface_of_blocks, thinned};
 pub use table::{TableCandidate, find_tables};
 pub use tsdf::{TRUNCATION_VOXELS, Tsdf, fuse_blocks, fuse_images};
 pub use views::{ViewKind, camera_at, draw_kind, draw_views};
-pub use walls::{Wall, board, walls};
+pub use walls::{Wall, walls};

@@ -48,9 +48,8 @@ const OUTER_M: f32 = 0.020;
 /// Walls lean outwards by at most this many metres a metre, tried in such steps.
 const SLOPES: usize = 22;
 const SLOPE_STEP: f32 = 0.025;
-/// The points of a board have this pitch.
-const BOARD_PITCH_M: f32 = 0.008;
-
+/// What hangs has nothing below it for this long.
+const HANGING_M: f32 = 0.02;
 /// A wall of a container.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wall {
@@ -62,7 +61,7 @@ pub struct Wall {
     pub ends_m: [f32; 2],
     /// Height of its upper edge in the cloud's frame, in metres.
     pub top_m: f32,
-    /// Height of its lower edge as it was seen.
+    /// Height of its lower edge, as far as it was seen without a gap.
     pub bottom_m: f32,
     /// How far it comes inwards below that edge, in metres a metre.
     pub slope: f32,
@@ -76,6 +75,18 @@ impl Wall {
         let (in_m, along_m) = (at.dot(self.inward) - self.offset_m, at.dot(self.inward.perp()));
         let is_along = along_m >= self.ends_m[0] - WALL_M && along_m <= self.ends_m[1] + WALL_M;
         is_along && in_m >= -OUTER_M && in_m <= self.slope * below_m.max(0.0) + WALL_M && below_m >= -self.over_m()
+    }
+
+    /// Whether it hangs over the table: it is the front edge of a board, of which nobody sees more from before it.
+    #[must_use]
+    pub fn hangs(&self, table_z_m: f32) -> bool {
+        self.bottom_m > table_z_m + TALL_M
+    }
+
+    /// Whether a point is where the board is, or over it, behind this edge.
+    #[must_use]
+    pub fn is_over(&self, point_m: Vec3) -> bool {
+        point_m.z > self.bottom_m - WALL_M && point_m.truncate().dot(self.inward) > self.offset_m
     }
 
     /// So far over the upper edge it may still be the wall: heights along it differ.
@@ -115,28 +126,6 @@ pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
     };
     let inside = [middle(0), middle(1)];
     sides.iter().map(|side| side.wall(axes, inside[side.axis], &above_m)).collect()
-}
-
-/// Points of the board over a shelf, which nobody sees from before it: at the height of its front edge, over all that the
-/// walls enclose. None if all of `walls` stand on the table.
-#[must_use]
-pub fn board(walls: &[Wall], table_z_m: f32) -> Vec<Vec3> {
-    let Some(edge) = walls.iter().find(|wall| wall.bottom_m > table_z_m + TALL_M) else { return Vec::new() };
-    let depth_m = |wall: &Wall| match wall.inward.dot(edge.inward) {
-        turn if turn < -0.5 => Some(-wall.offset_m - edge.offset_m),
-        turn if turn.abs() < 0.5 => {
-            let far = wall.ends_m.map(|end| (end * wall.inward.perp()).dot(edge.inward) - edge.offset_m);
-            Some(far[0].max(far[1]))
-        }
-        _ => None,
-    };
-    let deep = (walls.iter().filter_map(depth_m).fold(0.0, f32::max) / BOARD_PITCH_M) as usize;
-    let wide = ((edge.ends_m[1] - edge.ends_m[0]) / BOARD_PITCH_M) as usize;
-    let at = |row: usize, column: usize| {
-        let along = edge.inward.perp() * (edge.ends_m[0] + column as f32 * BOARD_PITCH_M);
-        (edge.inward * (edge.offset_m + row as f32 * BOARD_PITCH_M) + along).extend(edge.bottom_m)
-    };
-    (0..=deep).flat_map(|row| (0..=wide).map(move |column| at(row, column))).collect()
 }
 
 /// The highest point of each cell.
@@ -271,6 +260,15 @@ fn median(values: &mut [f32]) -> Option<f32> {
     values.get(values.len() / 2).copied()
 }
 
+/// The lowest and the highest of the heights that lie above the first gap from the top.
+fn upper_run(heights_m: &mut [f32]) -> Option<[f32; 2]> {
+    heights_m.sort_unstable_by(|a, b| b.total_cmp(a));
+    let top_m = *heights_m.first()?;
+    let bottom_m =
+        heights_m.windows(2).find(|pair| pair[0] - pair[1] > HANGING_M).map_or(heights_m.last()?, |pair| &pair[0]);
+    Some([*bottom_m, top_m])
+}
+
 /// First and last of the steps that are seen with no gap above [`GAP_STEPS`], and their number: of the run that has most.
 fn longest_run(is_seen: impl Iterator<Item = bool>) -> Option<(usize, usize, usize)> {
     let mut runs: Vec<(usize, usize, usize)> = Vec::new();
@@ -322,13 +320,12 @@ impl Ridge {
             Wall { inward, offset_m: sign * self.offset_m, ends_m, top_m: f32::MAX, bottom_m: f32::MIN, slope: 0.0 };
         let edge: Vec<&Vec3> = points_m.iter().filter(|point| wall.has(**point)).collect();
         let (from_m, steps) = (ends_m[0] - WALL_M, ((ends_m[1] - ends_m[0] + 2.0 * WALL_M) / STEP_M) as usize + 1);
-        let mut spans = vec![[f32::INFINITY, f32::NEG_INFINITY]; steps];
+        let mut columns = vec![Vec::new(); steps];
         for point in &edge {
             let step = ((point.truncate().dot(inward.perp()) - from_m) / STEP_M).max(0.0) as usize;
-            let [bottom_m, top_m] = spans[step.min(steps - 1)];
-            spans[step.min(steps - 1)] = [bottom_m.min(point.z), top_m.max(point.z)];
+            columns[step.min(steps - 1)].push(point.z);
         }
-        spans.retain(|[_, top_m]| top_m.is_finite());
+        let spans: Vec<[f32; 2]> = columns.iter_mut().filter_map(|heights_m| upper_run(heights_m)).collect();
         let middle = |end: usize| median(&mut spans.iter().map(|span| span[end]).collect::<Vec<f32>>());
         wall.bottom_m = middle(0).unwrap_or(self.top_m);
         wall.top_m = middle(1).unwrap_or(self.top_m);
@@ -403,10 +400,20 @@ fn completed(mut sides: Vec<Ridge>) -> Vec<Ridge> {
     let (pair, others) = (of(first.axis, &sides), of(1 - first.axis, &sides));
     let ends_m = [pair[0].offset_m, pair[1].offset_m];
     let end = |end: usize| 0.5 * (pair[0].ends_m[end] + pair[1].ends_m[end]);
-    let is_there = |offset_m: f32| others.iter().any(|other| (other.offset_m - offset_m).abs() < DEPTH_M_MIN);
-    for offset_m in [end(0), end(1)].into_iter().filter(|offset_m| !is_there(*offset_m)) {
-        sides.push(Ridge { axis: 1 - first.axis, offset_m, ends_m, cells: 0, seen_m: 0.0, ..first });
+    let mut unseen_m = vec![end(0), end(1)];
+    for other in &others {
+        // The end at which it is not.
+        unseen_m.sort_by(|a, b| (b - other.offset_m).abs().total_cmp(&(a - other.offset_m).abs()));
+        unseen_m.pop();
     }
+    sides.extend(unseen_m.into_iter().map(|offset_m| Ridge {
+        axis: 1 - first.axis,
+        offset_m,
+        ends_m,
+        cells: 0,
+        seen_m: 0.0,
+        ..first
+    }));
     sides
 }
 
@@ -474,16 +481,14 @@ mod tests {
         let (side, back) = (|x| sheet(at(x, 0.0, 0.0), 0.2 * Vec3::Y, 0.2 * Vec3::Z), at(0.0, 0.2, 0.0));
         let stands = side(0.0).chain(side(0.25)).chain(sheet(back, 0.25 * Vec3::X, 0.2 * Vec3::Z));
         let stands: Vec<Vec3> = stands.collect();
-        assert_eq!(board(&walls(&stands, TABLE_M), TABLE_M), []);
+        assert!(walls(&stands, TABLE_M).iter().all(|wall| !wall.hangs(TABLE_M)));
         let edge = sheet(at(0.0, 0.0, 0.19), 0.25 * Vec3::X, 0.02 * Vec3::Z);
         let found = walls(&stands.into_iter().chain(edge).collect::<Vec<_>>(), TABLE_M);
-        assert_eq!(found.len(), 4, "{found:?}");
-        let over = board(&found, TABLE_M);
-        let [low, high] = [Vec3::min, Vec3::max].map(|of| over.iter().copied().reduce(of).unwrap());
-        assert!(
-            (low - at(0.0, 0.0, 0.19)).length() < 0.02 && (high - at(0.25, 0.2, 0.19)).length() < 0.02,
-            "{low} {high}"
-        );
+        let hanging: Vec<&Wall> = found.iter().filter(|wall| wall.hangs(TABLE_M)).collect();
+        let [edge] = hanging[..] else { panic!("{found:?}") };
+        assert!((edge.bottom_m - TABLE_M - 0.19).abs() < 0.004, "{edge:?}");
+        assert!(edge.is_over(at(0.1, 0.1, 0.2)) && !edge.is_over(at(0.1, -0.02, 0.2)));
+        assert!(!edge.is_over(at(0.1, 0.1, 0.17)));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use perception::{board, near, walls};
+use perception::{Wall, near, walls};
 use schema::{Gripper, HandBox, Plane, Pose, Vec3};
 
 use crate::hand::HandVolume;
@@ -34,9 +34,11 @@ pub(crate) struct Limiter<'a> {
     between_fingers: HandVolume,
     /// Points of the surface off the table: the wanted ones, and the others; what a hand breaks that closes on those.
     points_m: Option<(Limit, [Vec<Vec3>; 2])>,
-    /// The walls that were found.
+    /// The walls' points, what a hand passes that leaves, its corners, and the board under which it does.
     walls_m: Vec<Vec3>,
     way_out: HandVolume,
+    way_out_corners_m: Vec<Vec3>,
+    board: Option<Wall>,
     /// Whether a camera looks at the fingers, and the caller's own.
     will_do: [&'a WillDo<'a>; 2],
     refused: [AtomicUsize; Limit::ALL.len()],
@@ -44,14 +46,15 @@ pub(crate) struct Limiter<'a> {
 
 impl<'a> Limiter<'a> {
     /// Limits for a hand that approaches over this distance. `target_m` has the surface's points that are the target's,
-    /// and the others; none if there is no target. `walls_m` has those that are no wall's, and those of the walls.
+    /// and the others; none if there is no target.
     pub(crate) fn new(
         limits: &'a Limits,
         gripper: &Gripper,
         pregrasp_m: f32,
-        (target_m, [things_m, walls_m]): (Option<[Vec<Vec3>; 2]>, [Vec<Vec3>; 2]),
+        (target_m, walls): (Option<[Vec<Vec3>; 2]>, Walls),
         will_do: [&'a WillDo<'a>; 2],
     ) -> Self {
+        let Walls { things_m, walls_m, board } = walls;
         // Who wants a wall says so.
         let no_walls = || (!walls_m.is_empty()).then(|| (Limit::Walls, [things_m, walls_m.clone()]));
         let points_m = target_m.map(|points_m| (Limit::Target, points_m)).or_else(no_walls);
@@ -70,7 +73,9 @@ impl<'a> Limiter<'a> {
             between_fingers: HandVolume::new(vec![HandBox { centre_m, half_m }]),
             points_m,
             walls_m,
+            way_out_corners_m: way_out.iter().flat_map(corners).collect(),
             way_out: HandVolume::new(way_out.to_vec()),
+            board,
             will_do,
             refused: Default::default(),
         }
@@ -116,7 +121,9 @@ impl<'a> Limiter<'a> {
                 return Some(*limit);
             }
         }
-        if self.way_out.points_inside(workspace_from_grasp, &self.walls_m) > WALL_POINTS_MAX {
+        let is_over = |board: &Wall| self.way_out_corners_m.iter().any(|at| board.is_over(*workspace_from_grasp * *at));
+        let meets_board = self.board.as_ref().is_some_and(is_over);
+        if meets_board || self.way_out.points_inside(workspace_from_grasp, &self.walls_m) > WALL_POINTS_MAX {
             return Some(Limit::Walls);
         }
         let own = [Limit::Unseen, Limit::Accept].into_iter().zip(self.will_do);
@@ -170,17 +177,27 @@ pub(crate) fn near_points(points_m: &[Vec3], target_m: &[Vec3], table_z_m: f32) 
     [of(true).collect(), of(false).collect()]
 }
 
-/// The points of a surface off the table that are of no wall of a container, and those of walls; nothing if there is no
-/// container.
-pub(crate) fn wall_points(points_m: &[Vec3], table_z_m: f32) -> [Vec<Vec3>; 2] {
-    let walls = walls(points_m, table_z_m);
-    if walls.is_empty() {
-        return Default::default();
+/// A container, if there is one.
+#[derive(Debug, Default)]
+pub(crate) struct Walls {
+    /// Points of the surface off the table that are of no wall.
+    things_m: Vec<Vec3>,
+    walls_m: Vec<Vec3>,
+    /// The front edge of a board over it.
+    board: Option<Wall>,
+}
+
+impl Walls {
+    /// Those among the points of a surface.
+    pub(crate) fn among(points_m: &[Vec3], table_z_m: f32) -> Self {
+        let walls = walls(points_m, table_z_m);
+        if walls.is_empty() {
+            return Self::default();
+        }
+        let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
+        let (walls_m, things_m) = off_table.partition(|at| walls.iter().any(|wall| wall.has(*at)));
+        Self { things_m, walls_m, board: walls.into_iter().find(|wall| wall.hangs(table_z_m)) }
     }
-    let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
-    let (mut of_walls, things): (Vec<Vec3>, _) = off_table.partition(|at| walls.iter().any(|wall| wall.has(*at)));
-    of_walls.extend(board(&walls, table_z_m));
-    [things, of_walls]
 }
 
 /// The points of the object at a point, and those of everything else but the table. Without an object near it there are

@@ -14,7 +14,7 @@ use crate::frame::{self, FoundTable};
 use crate::hand::HandVolume;
 use crate::input::{InputError, read_file, refuse};
 use crate::judge::JudgeMethod;
-use crate::limits::{Limiter, WillDo, near_points, object_points, seen_points, wall_points};
+use crate::limits::{Limiter, Walls, WillDo, near_points, object_points, seen_points};
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::{Mask, Observation, PlanOptions, Target, View};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, SegmentedCloud};
@@ -191,9 +191,9 @@ impl Planner {
     ) -> Result<Plan, InputError> {
         let workspace = self.method.workspace(&self.config, options);
         let mut volume = timed(&mut timings_ms, "fuse", || fuse(observation, &workspace, self.config.cloud))?;
-        let walls_m = match self.config.collision.walls {
-            true => timed(&mut timings_ms, "walls", || wall_points(&volume.points_m, volume.grid.lattice.table_z_m)),
-            false => Default::default(),
+        let walls = match self.config.collision.walls {
+            true => timed(&mut timings_ms, "walls", || Walls::among(&volume.points_m, volume.grid.lattice.table_z_m)),
+            false => Walls::default(),
         };
         // The object at a point takes the segments; otherwise the network runs beside the segmentation.
         let mut segments = None;
@@ -220,8 +220,7 @@ impl Planner {
         let widths = Widths::new(views, volume.grid.lattice.table_z_m, gripper);
         let pregrasp_m = collision.pregrasp_distance_m;
         let in_sight = |pose: &Pose| !widths.is_out_of_sight(pose);
-        let limiter =
-            Limiter::new(&options.limits, gripper, pregrasp_m, (target_points, walls_m), [&in_sight, will_do]);
+        let limiter = Limiter::new(&options.limits, gripper, pregrasp_m, (target_points, walls), [&in_sight, will_do]);
         let observed = ObservedScene {
             field: &volume.grid,
             fine: volume.fine.as_ref(),
