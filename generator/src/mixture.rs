@@ -134,7 +134,7 @@ impl Observed<'_> {
 /// The best proposals of a scene that are apart from better ones.
 fn best(judge: &Judge, seen: ObservedScene<'_>, count: usize, stream: &mut Stream) -> Vec<ScoredGrasp> {
     let mut best: Vec<ScoredGrasp> = Vec::with_capacity(count);
-    for scored in judge.scored_grasps(seen, (JUDGED_OF, APART_M), stream, &|_| true, &|_| None) {
+    for scored in judge.scored_grasps(seen, (JUDGED_OF, APART_M), stream, (&[], &|_| true), &|_| None) {
         if best.len() < count && best.iter().all(|better| !better.is_near(&scored, APART_M)) {
             best.push(scored);
         }

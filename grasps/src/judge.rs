@@ -20,6 +20,8 @@ const SEARCHES_MAX: usize = 4;
 /// seen of a bin is wall, which no hand can lift.
 const NEAR_M: f32 = 0.03;
 const HOPE: f32 = 0.1;
+/// Hands about places are proposed on points of the surface that are nearer to them than this.
+const ABOUT_M: f32 = 0.01;
 /// Number of the best hands apart from each other that are looked at more closely: they are moved to where they fit
 /// better, if the judge is as sure of them there but for [`AS_SURE`], and their mirror images are judged, too.
 const LEADERS: usize = 32;
@@ -86,29 +88,27 @@ impl Judge {
     /// Proposes hands in a scene, and judges them: `proposals`, or several times as many where few are good. First come
     /// the best of those whose tips are `apart_m` from each other, then the others, each best first. The best are asked
     /// about again in each mirror image: a hand and its mirror image end alike, so where the answers differ their mean
-    /// is nearer to the truth. Of the proposed hands only those that are wanted are judged. `better` moves one of the
-    /// best hands, if it knows a better place for it.
+    /// is nearer to the truth. Only hands that are wanted are proposed, and if `about_m` has places only near these.
+    /// `better` moves one of the best hands, if it knows a better place for it.
     #[must_use]
     pub fn scored_grasps(
         &self,
         seen: ObservedScene<'_>,
         (proposals, apart_m): (usize, f32),
         stream: &mut Stream,
-        is_wanted: &dyn Fn(&Grasp) -> bool,
+        (about_m, is_wanted): (&[Vec3], &dyn Fn(&Grasp) -> bool),
         better: &(dyn Fn(&Grasp) -> Option<Grasp> + Sync),
     ) -> Vec<ScoredGrasp> {
         let space = Space::new(seen.field, seen.fine, seen.reach_m);
         let scene = (&space.padded, seen.views);
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let mut judged: Vec<ScoredGrasp> = Vec::new();
-        let mut wanted = <[Vec<usize>; 2]>::default();
+        let mut wanted = space.near(about_m, ABOUT_M);
         for _ in 0..SEARCHES_MAX {
-            let mut hands = self.sampler.search(&space, &wanted, proposals, stream);
-            let is_bare = hands.is_empty();
-            hands.retain(is_wanted);
+            let hands = self.sampler.search(&space, (&wanted, is_wanted), proposals, stream);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
             judged.extend(parts.into_iter().flatten());
-            if is_bare || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {
+            if hands.is_empty() || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {
                 break;
             }
             wanted = space.near(&hopeful_m(&judged), NEAR_M);

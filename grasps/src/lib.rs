@@ -123,11 +123,19 @@ impl CandidateSampler {
     /// more are found. A pure function of its arguments, whatever the number of threads.
     #[must_use]
     pub fn sample(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
-        self.search(&Space::new(field, None, field.lattice.corners_m()), &Default::default(), count, stream)
+        let space = Space::new(field, None, field.lattice.corners_m());
+        self.search(&space, (&Default::default(), &|_| true), count, stream)
     }
 
-    /// [`Self::sample`] in a scene that is prepared, for several searches, on the `wanted` points of its surfaces.
-    fn search(&self, space: &Space<'_>, wanted: &[Vec<usize>; 2], count: usize, stream: &mut Stream) -> Vec<Grasp> {
+    /// [`Self::sample`] in a scene that is prepared, for several searches, on the `wanted` points of its surfaces, of
+    /// hands that are wanted.
+    fn search(
+        &self,
+        space: &Space<'_>,
+        (wanted, is_wanted): (&[Vec<usize>; 2], &dyn Fn(&Grasp) -> bool),
+        count: usize,
+        stream: &mut Stream,
+    ) -> Vec<Grasp> {
         let mut found = Vec::with_capacity(count);
         if space.surfaces[0].is_empty() {
             return found;
@@ -136,7 +144,7 @@ impl CandidateSampler {
             let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&space.surfaces, wanted, stream)).collect();
             let hand = |draw: &Draw| self.hand(space, space.surfaces[usize::from(draw.closes)][draw.point], draw);
             let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(hand).collect();
-            found.extend(round.into_iter().flatten());
+            found.extend(round.into_iter().flatten().filter(is_wanted));
             if found.len() >= count {
                 break;
             }

@@ -20,6 +20,8 @@ const TABLE_M: f32 = 0.004;
 /// A hand leaves as it came, over this distance, and hits a wall if it meets more of its points: they are noisy.
 const WAY_OUT_M: f32 = 0.1;
 const WALL_POINTS_MAX: usize = 5;
+/// Hands are proposed about no more points than this.
+const ABOUT_MAX: usize = 400;
 /// What is between the fingers reaches this far beyond the tips and beside the fingers.
 const BETWEEN_MARGIN_M: f32 = 0.002;
 
@@ -79,6 +81,12 @@ impl<'a> Limiter<'a> {
             will_do,
             refused: Default::default(),
         }
+    }
+
+    /// Some of the wanted points, all over them; none if any may be gripped.
+    pub(crate) fn about_m(&self) -> Vec<Vec3> {
+        let wanted_m = self.points_m.as_ref().map_or(&[][..], |(_, [wanted_m, _])| wanted_m);
+        wanted_m.iter().copied().step_by(wanted_m.len() / ABOUT_MAX + 1).collect()
     }
 
     /// The first limit that a grasp breaks.
