@@ -50,6 +50,9 @@ const SLOPES: usize = 22;
 const SLOPE_STEP: f32 = 0.025;
 /// What hangs has nothing below it for this long.
 const HANGING_M: f32 = 0.02;
+/// So many points are seen through a wall that does not stand.
+const THROUGH_MIN: usize = 100;
+
 /// A wall of a container.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wall {
@@ -77,10 +80,22 @@ impl Wall {
         is_along && in_m >= -OUTER_M && in_m <= self.slope * below_m.max(0.0) + WALL_M && below_m >= -self.over_m()
     }
 
-    /// Whether it hangs over the table: it is the front edge of a board, of which nobody sees more from before it.
+    /// Whether it hangs over the table, so that a board lies behind it, of which nobody sees more from before it: an eye
+    /// sees points behind the wall through where the wall would be if it stood.
     #[must_use]
-    pub fn hangs(&self, table_z_m: f32) -> bool {
-        self.bottom_m > table_z_m + TALL_M
+    pub fn hangs(&self, points_m: &[Vec3], eyes_m: &[Vec3], table_z_m: f32) -> bool {
+        let in_m = |point_m: Vec3| point_m.truncate().dot(self.inward) - self.offset_m;
+        let is_through = |eye_m: Vec3, point_m: Vec3| {
+            let (before_m, behind_m) = (in_m(eye_m), in_m(point_m));
+            let at_m = eye_m.lerp(point_m, before_m / (before_m - behind_m));
+            let along_m = at_m.truncate().dot(self.inward.perp());
+            before_m < 0.0
+                && behind_m > OUTER_M
+                && at_m.z < self.bottom_m - OUTER_M
+                && (self.ends_m[0]..self.ends_m[1]).contains(&along_m)
+        };
+        let through = |eye_m: &Vec3| points_m.iter().filter(|point_m| is_through(*eye_m, **point_m)).count();
+        self.bottom_m > table_z_m + TALL_M && eyes_m.iter().map(through).sum::<usize>() >= THROUGH_MIN
     }
 
     /// Whether a point is where the board is, or over it, behind this edge.
@@ -95,8 +110,8 @@ impl Wall {
     }
 }
 
-/// The four walls that enclose a floor, those of which most was seen, or none if there is no such container. Of one or
-/// two of them nothing need have been seen: a tray may be open.
+/// The walls that enclose a floor, those of which most was seen, or none if there is no such container. Two or three of
+/// them are ridges, the others what was seen as high where those end.
 /// `points_m` are a surface above and on a level table, at most [`CELL_M`] apart where it was seen.
 #[must_use]
 pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
@@ -125,7 +140,13 @@ pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
         all.iter().sum::<f32>() / all.len() as f32
     };
     let inside = [middle(0), middle(1)];
-    sides.iter().map(|side| side.wall(axes, inside[side.axis], &above_m)).collect()
+    let of = |side: &Ridge| {
+        let wall = side.wall(axes, inside[side.axis], &above_m);
+        let top_m = wall.top_m.min(table_z_m + TALL_M);
+        let is_alike = (top_m - side.top_m).abs() < height_off_m(side.top_m - table_z_m);
+        (side.cells > 0 || is_alike).then_some(wall)
+    };
+    sides.iter().filter_map(of).collect()
 }
 
 /// The highest point of each cell.
@@ -481,10 +502,18 @@ mod tests {
         let (side, back) = (|x| sheet(at(x, 0.0, 0.0), 0.2 * Vec3::Y, 0.2 * Vec3::Z), at(0.0, 0.2, 0.0));
         let stands = side(0.0).chain(side(0.25)).chain(sheet(back, 0.25 * Vec3::X, 0.2 * Vec3::Z));
         let stands: Vec<Vec3> = stands.collect();
-        assert!(walls(&stands, TABLE_M).iter().all(|wall| !wall.hangs(TABLE_M)));
+        let floor = sheet(at(0.02, 0.05, 0.0), 0.2 * Vec3::X, 0.1 * Vec3::Y);
+        let stands: Vec<Vec3> = stands.into_iter().chain(floor).collect();
+        let [before, above] = [at(0.12, -0.5, 0.2), at(0.12, 0.05, 0.6)];
+        let hanging = |points: &[Vec3], eye: Vec3| -> Vec<Wall> {
+            walls(points, TABLE_M).into_iter().filter(|wall| wall.hangs(points, &[eye], TABLE_M)).collect()
+        };
+        assert_eq!(hanging(&stands, before), []);
         let edge = sheet(at(0.0, 0.0, 0.19), 0.25 * Vec3::X, 0.02 * Vec3::Z);
-        let found = walls(&stands.into_iter().chain(edge).collect::<Vec<_>>(), TABLE_M);
-        let hanging: Vec<&Wall> = found.iter().filter(|wall| wall.hangs(TABLE_M)).collect();
+        let found: Vec<Vec3> = stands.into_iter().chain(edge).collect();
+        // From above it may as well be the rim of a wall whose inside nobody sees.
+        assert_eq!(hanging(&found, above), []);
+        let hanging = hanging(&found, before);
         let [edge] = hanging[..] else { panic!("{found:?}") };
         assert!((edge.bottom_m - TABLE_M - 0.19).abs() < 0.004, "{edge:?}");
         assert!(edge.is_over(at(0.1, 0.1, 0.2)) && !edge.is_over(at(0.1, -0.02, 0.2)));

@@ -196,15 +196,17 @@ pub(crate) struct Walls {
 }
 
 impl Walls {
-    /// Those among the points of a surface.
-    pub(crate) fn among(points_m: &[Vec3], table_z_m: f32) -> Self {
+    /// Those among the points of a surface that cameras saw.
+    pub(crate) fn among(points_m: &[Vec3], views: &[View], table_z_m: f32) -> Self {
         let walls = walls(points_m, table_z_m);
         if walls.is_empty() {
             return Self::default();
         }
         let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
         let (walls_m, things_m) = off_table.partition(|at| walls.iter().any(|wall| wall.has(*at)));
-        Self { things_m, walls_m, board: walls.into_iter().find(|wall| wall.hangs(table_z_m)) }
+        let eyes_m: Vec<Vec3> = views.iter().map(|view| view.camera.workspace_from_camera.translation).collect();
+        let board = walls.into_iter().find(|wall| wall.hangs(points_m, &eyes_m, table_z_m));
+        Self { things_m, walls_m, board }
     }
 }
 

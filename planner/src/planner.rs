@@ -191,8 +191,14 @@ impl Planner {
     ) -> Result<Plan, InputError> {
         let workspace = self.method.workspace(&self.config, options);
         let mut volume = timed(&mut timings_ms, "fuse", || fuse(observation, &workspace, self.config.cloud))?;
+        let views = match observation {
+            Observation::Views(views) => views,
+            _ => &volume.rendered,
+        };
         let walls = match self.config.collision.walls {
-            true => timed(&mut timings_ms, "walls", || Walls::among(&volume.points_m, volume.grid.lattice.table_z_m)),
+            true => {
+                timed(&mut timings_ms, "walls", || Walls::among(&volume.points_m, views, volume.grid.lattice.table_z_m))
+            }
             false => Walls::default(),
         };
         // The object at a point takes the segments; otherwise the network runs beside the segmentation.
@@ -213,10 +219,6 @@ impl Planner {
             (Some(Target::Masks(_)), _) => return refuse("masks go with views: mask"),
         };
         let Config { gripper, collision, .. } = &self.config;
-        let views = match observation {
-            Observation::Views(views) => views,
-            _ => &volume.rendered,
-        };
         let widths = Widths::new(views, volume.grid.lattice.table_z_m, gripper);
         let pregrasp_m = collision.pregrasp_distance_m;
         let in_sight = |pose: &Pose| !widths.is_out_of_sight(pose);
