@@ -50,6 +50,8 @@ const SLOPES: usize = 22;
 const SLOPE_STEP: f32 = 0.025;
 /// What hangs has nothing below it for this long.
 const HANGING_M: f32 = 0.02;
+/// Behind a wall, up to this far, nothing is to be had.
+const BEHIND_M: f32 = 0.08;
 /// So many points are seen through a wall that does not stand.
 const THROUGH_MIN: usize = 100;
 
@@ -78,6 +80,14 @@ impl Wall {
         let (in_m, along_m) = (at.dot(self.inward) - self.offset_m, at.dot(self.inward.perp()));
         let is_along = along_m >= self.ends_m[0] - WALL_M && along_m <= self.ends_m[1] + WALL_M;
         is_along && in_m >= -OUTER_M && in_m <= self.slope * below_m.max(0.0) + WALL_M && below_m >= -self.over_m()
+    }
+
+    /// Whether a point is behind the wall and near it, where flaps and frames are.
+    #[must_use]
+    pub fn is_behind(&self, point_m: Vec3) -> bool {
+        let (at, [from_m, to_m]) = (point_m.truncate(), self.ends_m);
+        let is_along = (from_m - BEHIND_M..to_m + BEHIND_M).contains(&at.dot(self.inward.perp()));
+        is_along && (-BEHIND_M..0.0).contains(&(at.dot(self.inward) - self.offset_m))
     }
 
     /// Whether it hangs over the table, so that a board lies behind it, of which nobody sees more from before it: an eye

@@ -188,7 +188,7 @@ pub(crate) fn near_points(points_m: &[Vec3], target_m: &[Vec3], table_z_m: f32) 
 /// A container, if there is one.
 #[derive(Debug, Default)]
 pub(crate) struct Walls {
-    /// Points of the surface off the table that are of no wall.
+    /// Points of the surface off the table that are of no wall and not behind one.
     things_m: Vec<Vec3>,
     walls_m: Vec<Vec3>,
     /// The front edge of a board over it.
@@ -202,10 +202,13 @@ impl Walls {
         if walls.is_empty() {
             return Self::default();
         }
-        let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
-        let (walls_m, things_m) = off_table.partition(|at| walls.iter().any(|wall| wall.has(*at)));
         let eyes_m: Vec<Vec3> = views.iter().map(|view| view.camera.workspace_from_camera.translation).collect();
-        let board = walls.into_iter().find(|wall| wall.hangs(points_m, &eyes_m, table_z_m));
+        let board = walls.iter().copied().find(|wall| wall.hangs(points_m, &eyes_m, table_z_m));
+        let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
+        let (walls_m, mut things_m): (Vec<Vec3>, Vec<Vec3>) =
+            off_table.partition(|at| walls.iter().any(|wall| wall.has(*at)));
+        let is_out = |at: &Vec3| walls.iter().any(|wall| Some(wall) != board.as_ref() && wall.is_behind(*at));
+        things_m.retain(|at| !is_out(at));
         Self { things_m, walls_m, board }
     }
 }
