@@ -26,16 +26,13 @@ FIGURES = {
                    ("own, 2.5 mm", [4], BOTH)]),
     "generating": ([0], (0, 12000, False), "attempts/s", [("", [3], [])]),
     "hands": ([0], (75, 100, False), "%", [("held", [1, 3], ["one for many", "its own"]), ("cleared", [2, 4], ["one for many", "its own"])]),
-    "household": ([0, 1], (80, 100, False), "%", [("trained on household, too", [2], BOTH), ("the shipped judge", [3], BOTH)]),
     "other-simulators": ([0], WHOLE, "%", [("GIGA: packed", [1], BOTH), ("GIGA: piles", [2], BOTH), ("VGN: blocks", [3], BOTH), ("VGN: packed", [4], BOTH),
                          ("VGN: piles", [5], BOTH)]),
-    "paper-labels": ([0], (0, 1, False), "p", [("", [3], [])]),
     "paper-network": ([0], WHOLE, "%", [("piles", [1, 2], BOTH), ("upright", [3, 4], BOTH)]),
     "paper-tables": ([0], WHOLE, "%", [("Table 1", [1], []), ("Table 2", [2], []), ("Table 3", [3], []), ("Table 4", [4], [])]),
     "planning": ([0, 1], (1, 100, True), "ms", [("", [2, 3, 4], ["run 1", "run 2", "run 3"])]),
     "side-view": ([0], WHOLE, "%", [("piles, fails", [1], BOTH), ("piles, halts", [2], BOTH), ("upright, fails", [3], BOTH), ("upright, halts", [4], BOTH)]),
     "training-speed": ([0, 1], (10, 10000, True), "ms", [("", [2], [])]),
-    "views": ([0, 1], (90, 100, False), "%", [("", [2, 3], BOTH)]),
 }
 
 
