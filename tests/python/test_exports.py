@@ -4,7 +4,7 @@
 
 The program is GRASPMILL_SHARDS, or target/debug/shards.
 
-The loaders here work like VGN's `dataset.py` and GIGA's `dataset_voxel.py`, with only numpy and csv. The originals were run, too: docs/exporting.md describes the files.
+The loaders here work like VGN's `dataset.py` and GIGA's `dataset_voxel.py`, with only numpy and csv. The originals were run, too.
 """
 
 import csv
