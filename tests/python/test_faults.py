@@ -3,7 +3,7 @@
     GRASPMILL_FAULTS=long python -m pytest tests/python/test_faults.py
 
 Faults are injected into the programs as users run them. Tests that need missing tools (root, strace, faketime) are skipped
-with a reason. GRASPMILL_FAULTS_REPORT=FILE receives a line of JSON for a row of docs/reliability.md.
+with a reason. GRASPMILL_FAULTS_REPORT=FILE receives a line of JSON for each kind of fault; docs/reliability.md adds them up.
 """
 
 import hashlib
