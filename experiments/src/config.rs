@@ -247,12 +247,13 @@ impl Keys {
 }
 
 impl Config {
-    /// Reads a file; paths in it are taken from its folder. `set` are keys and values (TOML) in place of the file's.
+    /// Reads a file, or [`REFERENCE`]; paths in a file are taken from its folder. `set` are keys and values (TOML) in
+    /// place of the file's.
     ///
     /// # Errors
     /// [`settings::Error`] of the file, or of one that it names.
-    pub fn read(path: &Path, set: &[(String, String)]) -> Result<Self, settings::Error> {
-        Self::resolve(Document::load(Some(path), [REFERENCE, ""])?, set)
+    pub fn read(path: Option<&Path>, set: &[(String, String)]) -> Result<Self, settings::Error> {
+        Self::resolve(Document::load(path, [REFERENCE, "pile.toml"])?, set)
     }
 
     /// The experiment in a document.
@@ -429,13 +430,13 @@ mod tests {
                 copied("objects.catalogue", "objects/everyday.toml"),
                 ("model".to_owned(), folder.path().join("model").display().to_string()),
             ];
-            let config = Config::read(&root.join("experiment/table2.toml"), &set).unwrap();
+            let config = Config::read(Some(&root.join("experiment/table2.toml")), &set).unwrap();
             (config.digest, config.digest_with_paths)
         };
         let [here, there] = [digests_of_a_copy(), digests_of_a_copy()];
         assert_eq!(here.0, there.0);
         assert_ne!(here.1, there.1);
-        let pile = Config::read(&root.join("experiment/pile.toml"), &[]).unwrap();
+        let pile = Config::read(Some(&root.join("experiment/pile.toml")), &[]).unwrap();
         assert_eq!(pile.digest, pile.digest_with_paths, "what comes with the program has no path");
     }
 

@@ -3,7 +3,7 @@
 use planner::input::InputError;
 use planner::{FindTable, Observation, PlanOptions, Planner, View};
 use schema::{Grid, Pose};
-use simulator::Scene;
+use simulator::{Scene, SceneRays};
 
 use crate::config::{Config, Frames};
 
@@ -17,7 +17,7 @@ pub struct Look<'a> {
     /// The images, with the cameras' poses in the workspace.
     pub views: Vec<View>,
     /// Hands that failed, in the workspace; none like them is wanted.
-    pub failed: &'a [Pose],
+    pub failed: Vec<Pose>,
 }
 
 impl Look<'_> {
@@ -28,6 +28,45 @@ impl Look<'_> {
             Frames::Given => None,
             Frames::Found => self.views.first().map(|view| view.camera.workspace_from_camera),
         }
+    }
+
+    /// Puts cameras and hands into the frame that the planner knows. That frame in the workspace, if it is the first
+    /// camera's.
+    pub fn into_their_frame(&mut self) -> Option<Pose> {
+        let workspace_from_first = self.workspace_from_first()?;
+        let in_first = |pose: &mut Pose| *pose = workspace_from_first.inverse() * *pose;
+        self.views.iter_mut().for_each(|view| in_first(&mut view.camera.workspace_from_camera));
+        self.failed.iter_mut().for_each(in_first);
+        Some(workspace_from_first)
+    }
+
+    /// The side of the workspace that a planner with the scene's poses is told, in metres, if it is not the paper's.
+    #[must_use]
+    pub fn workspace_size_m(&self) -> Option<f32> {
+        let grid = self.config.scene.grid;
+        let is_other = grid.resolution != Grid::PAPER.resolution && self.config.keys.frames == Frames::Given;
+        is_other.then_some(grid.size_m)
+    }
+
+    /// The object that each pixel of each view shows in truth, by its place in the scene.
+    #[must_use]
+    pub fn shown(&self) -> Vec<Vec<Option<usize>>> {
+        let alone = |objects| Scene { objects, fixtures: Vec::new(), ..self.scene.clone() };
+        let (all, table) = (SceneRays::new(self.scene), SceneRays::new(&alone(Vec::new())));
+        let each: Vec<SceneRays> =
+            self.scene.objects.iter().map(|object| SceneRays::new(&alone(vec![object.clone()]))).collect();
+        let of_view = |view: &View| {
+            let depth_m = |rays: &SceneRays| rays.render(&view.camera).depth_m;
+            let (truth_m, bare_m) = (depth_m(&all), depth_m(&table));
+            let each_m: Vec<Vec<f32>> = each.iter().map(depth_m).collect();
+            let of_pixel = |pixel: usize| {
+                // What hides the table there.
+                let is_shown = |own_m: &Vec<f32>| own_m[pixel] == truth_m[pixel] && own_m[pixel] != bare_m[pixel];
+                each_m.iter().position(is_shown)
+            };
+            (0..truth_m.len()).map(of_pixel).collect()
+        };
+        self.views.iter().map(of_view).collect()
     }
 }
 
@@ -71,20 +110,14 @@ impl Plans for Planner {
     }
 
     fn plan(&self, mut look: Look<'_>) -> Result<Vec<Offer>, NoPlan> {
-        let grid = look.config.scene.grid;
-        let mut options = PlanOptions {
-            workspace_size_m: (grid.resolution != Grid::PAPER.resolution).then_some(grid.size_m),
-            avoid: look.failed.to_vec(),
+        // Where the table is to be found, the planner knows nothing but the first camera's frame.
+        let workspace_from_first = look.into_their_frame();
+        let options = PlanOptions {
+            workspace_size_m: look.workspace_size_m(),
+            find_table: workspace_from_first.map(|_| FindTable::default()),
+            avoid: look.failed,
             ..PlanOptions::default()
         };
-        // Where the table is to be found, the planner knows nothing but the first camera's frame.
-        let workspace_from_first = look.workspace_from_first();
-        if let Some(workspace_from_first) = workspace_from_first {
-            let in_first = |pose: &mut Pose| *pose = workspace_from_first.inverse() * *pose;
-            look.views.iter_mut().for_each(|view| in_first(&mut view.camera.workspace_from_camera));
-            options.avoid.iter_mut().for_each(in_first);
-            (options.find_table, options.workspace_size_m) = (Some(FindTable::default()), None);
-        }
         let plan = Self::plan(self, &Observation::Views(look.views), &options).map_err(NoPlan::Refused)?;
         let offer = |grasp: &planner::plan::RankedGrasp| Offer {
             workspace_from_grasp: workspace_from_first

@@ -128,7 +128,7 @@ fn try_once(
     let views = observe(config, scene, noise);
     let observe_ms = milliseconds(began);
     let began = Instant::now();
-    let offers = planner.plan(Look { config, scene, views, failed })?;
+    let offers = planner.plan(Look { config, scene, views, failed: failed.to_vec() })?;
     let plan_ms = milliseconds(began);
     let world = AttemptWorld::new(&config.scene.physics, &config.plan.gripper, &config.scene.procedure, scene);
     let mut ends = offers.iter().skip(tried).map(|best| {

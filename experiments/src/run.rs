@@ -14,7 +14,7 @@ use program::{Context as _, ExitCode, Failure, thread_pool};
 use crate::config::Config;
 use crate::journal::{Identity, Journal};
 use crate::offer::Plans;
-use crate::record::Round;
+use crate::record::{Ending, Round};
 use crate::round::play;
 
 /// Runs all rounds that are not in the journal of `folder` on `threads` threads and calls `on_round` after each.
@@ -49,6 +49,10 @@ pub fn run(
             return Ok(None);
         }
         let round = play(config, planner, *round)?;
+        // A planner that a stop interrupted gave no answer: another run plays the round.
+        if round.ending == Ending::NoAnswer && stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
         journal.push(&round)?;
         on_round(&round);
         Ok(Some(round))

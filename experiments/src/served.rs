@@ -16,7 +16,6 @@ use reqwest::{Client, Response, StatusCode, Url};
 use schema::{Mat3, Pose, Quat, Vec3, pose_from_parts};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use simulator::{Scene, SceneRays};
 use tokio::runtime::{Builder, Runtime};
 
 use crate::files::sha256;
@@ -161,7 +160,7 @@ impl Plans for Served {
     fn plan(&self, look: Look<'_>) -> Result<Vec<Offer>, NoPlan> {
         let workspace_from_cloud = look.workspace_from_first().unwrap_or(Pose::IDENTITY);
         let cloud_from_workspace = workspace_from_cloud.inverse();
-        let (objects_m, rest_m) = clouds(look.scene, &look.views, &cloud_from_workspace);
+        let (objects_m, rest_m) = clouds(&look, &cloud_from_workspace);
         let opening_m = look.config.plan.gripper.opening_m_max;
         let mut offers = Vec::new();
         let eye = look.views.first().map(|view| view.camera.workspace_from_camera.translation);
@@ -203,25 +202,17 @@ fn theirs_from_ours(about: &About, tip_depth_m: f32) -> Option<Pose> {
 }
 
 /// Of each object the points that the views show, and everything else, in the clouds' frame.
-fn clouds(scene: &Scene, views: &[View], cloud_from_workspace: &Pose) -> (Vec<Vec<Vec3>>, Vec<Vec3>) {
-    let alone = |objects| Scene { objects, fixtures: Vec::new(), ..scene.clone() };
-    let (all, table) = (SceneRays::new(scene), SceneRays::new(&alone(Vec::new())));
-    let each: Vec<SceneRays> =
-        scene.objects.iter().map(|object| SceneRays::new(&alone(vec![object.clone()]))).collect();
-    let (mut objects_m, mut rest_m) = (vec![Vec::new(); each.len()], Vec::new());
-    for View { image, camera, .. } in views {
-        let [truth, bare] = [&all, &table].map(|rays| rays.render(camera).depth_m);
-        let each: Vec<Vec<f32>> = each.iter().map(|rays| rays.render(camera).depth_m).collect();
+fn clouds(look: &Look<'_>, cloud_from_workspace: &Pose) -> (Vec<Vec<Vec3>>, Vec<Vec3>) {
+    let (mut objects_m, mut rest_m) = (vec![Vec::new(); look.scene.objects.len()], Vec::new());
+    for (View { image, camera, .. }, shown) in look.views.iter().zip(look.shown()) {
         let cloud_from_camera = *cloud_from_workspace * camera.workspace_from_camera;
-        for (pixel, depth_m) in image.depth_m.iter().enumerate() {
+        for (pixel, (depth_m, shown)) in image.depth_m.iter().zip(shown).enumerate() {
             if !(depth_m.is_finite() && *depth_m > 0.0) {
                 continue;
             }
             let ray = camera.intrinsics.ray([pixel % image.width_px, pixel / image.width_px]);
             let at_m = cloud_from_camera * (ray * *depth_m);
-            // What hides the table there.
-            let is_shown = |own: &Vec<f32>| own[pixel] == truth[pixel] && own[pixel] != bare[pixel];
-            match each.iter().position(is_shown) {
+            match shown {
                 Some(object) => objects_m[object].push(at_m),
                 None => rest_m.push(at_m),
             }

@@ -7,17 +7,15 @@ use std::time::Duration;
 
 use clap::Args;
 use experiments::config::Config;
+use experiments::finish::finish;
 use experiments::offer::Plans;
-use experiments::page::{Played, document, figure, in_short};
+use experiments::page::in_short;
 use experiments::record::Round;
-use experiments::report::{About, Report};
 use experiments::run::run as run_rounds;
 use experiments::served::{Served, Server};
-use experiments::statistics::results;
-use experiments::tables::{attempts_table, bodies, conditions, objects_table, rounds_table};
 use indicatif::{ProgressBar, ProgressStyle};
 use program::text::key_and_value;
-use program::{Context, ExitCode, Failure, FolderLock, json, print, print_error, stop_on_signals, write};
+use program::{Context, ExitCode, Failure, FolderLock, print, print_error, stop_on_signals};
 
 use crate::command_line;
 
@@ -92,7 +90,7 @@ pub(crate) fn config(
     let mut set = set.to_vec();
     set.extend(rounds.map(|rounds| ("rounds".to_owned(), rounds.to_string())));
     set.extend(seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
-    Ok(Config::read(file, &set)?)
+    Ok(Config::read(Some(file), &set)?)
 }
 
 /// Cores of this machine.
@@ -134,38 +132,13 @@ fn execute_with(
     if (rounds.len() as u64) < config.round_count() {
         return Ok(ExitCode::TryAgain);
     }
-    write_reports(config, command, &planner.id(), rounds, out)?;
-    Ok(ExitCode::Ok)
-}
-
-fn write_reports(
-    config: &Config,
-    command: String,
-    model_id: &str,
-    rounds: Vec<Round>,
-    folder: &Path,
-) -> Result<(), Failure> {
-    let about = About {
-        command,
-        config: config.text.clone(),
-        model_id: model_id.to_owned(),
-        versions: [("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
-    };
-    let report = Report { results: results(&config.keys.protocol, &rounds), about };
-    write(&folder.join("rounds.parquet"), rounds_table(&rounds)?)?;
-    write(&folder.join("attempts.parquet"), attempts_table(&rounds)?)?;
-    write(&folder.join("objects.parquet"), objects_table(&rounds)?)?;
-    write(&folder.join("bodies.json"), bodies(config))?;
-    write(&folder.join("run.json"), conditions(config))?;
-    write(&folder.join("report.json"), json(&report)?)?;
-    let printed = in_short(&report.results);
-    let played = [Played::now(folder, report, rounds)];
-    write(&folder.join("report.svg"), figure(&played).svg()?)?;
-    write(&folder.join("report.md"), document(&played).markdown())?;
+    let results = finish(config, command, planner.id(), rounds, out)?;
     print(format_args!(
-        "{}  failures, scenes and how it was run; also report.json, report.svg and tables as Parquet\n\n{printed}",
-        folder.join("report.md").display(),
-    ))
+        "{}  failures, scenes and how it was run; also report.json, report.svg and tables as Parquet\n\n{}",
+        out.join("report.md").display(),
+        in_short(&results),
+    ))?;
+    Ok(ExitCode::Ok)
 }
 
 fn progress_bar(rounds: u64) -> ProgressBar {

@@ -122,7 +122,7 @@ fn an_experiment_goes_on_where_its_files_were_moved_to() {
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(rounds(&there.join("out")).len(), 2);
     // A run from before that was so goes on where it is.
-    let config = experiments::config::Config::read(&config("pile.toml"), &set(&there)).unwrap();
+    let config = experiments::config::Config::read(Some(&config("pile.toml")), &set(&there)).unwrap();
     let path = there.join("out/journal.jsonl");
     let unsealed = |line: &str| line.rsplit_once(",\"seal\":").map(|(body, _)| format!("{body}}}\n"));
     let journal = fs::read_to_string(&path).unwrap();
