@@ -22,6 +22,7 @@ from .cameras import Camera
 from .crops import GraspCrops, grasp_crops
 from .dataset import Dataset, StoredScene, Table, generate
 from .errors import DataError, GraspmillError, IncompleteError, InputError, InternalError, OutsideError
+from .experiments import ExperimentResults, Look, experiment
 from .grippers import Gripper
 from .object_grasps import ObjectGrasps, read_grasps
 from .pages import Page
@@ -45,6 +46,7 @@ __all__ = [
     "Container",
     "DataError",
     "Dataset",
+    "ExperimentResults",
     "Grasp",
     "GraspCrops",
     "GraspmillError",
@@ -52,6 +54,7 @@ __all__ = [
     "IncompleteError",
     "InputError",
     "InternalError",
+    "Look",
     "Object",
     "ObjectGrasps",
     "Outcomes",
@@ -66,6 +69,7 @@ __all__ = [
     "Table",
     "annotate",
     "execute",
+    "experiment",
     "generate",
     "grasp_crops",
     "read_grasps",

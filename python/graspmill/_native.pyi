@@ -9,15 +9,18 @@ __all__ = [
     "Body",
     "Crops",
     "Dataset",
+    "Experiment",
     "Generation",
     "Plan",
     "Planner",
     "Planning",
     "Scene",
+    "Seen",
     "Simulation",
     "__version__",
     "end",
     "execute",
+    "experiment_page",
     "fuse",
     "publish",
     "run_program",
@@ -186,6 +189,37 @@ class Generation:
     def has_ended(self) -> bool: ...
     def stop(self) -> None: ...
 
+@final
+class Seen:
+    object_count: int
+    finds_table: bool
+    workspace_size_m: float | None
+    down: list[float]
+    def depths(self) -> list[_Floats]: ...
+    def objects(self) -> list[NDArray[np.int32]]: ...
+    def cameras(self) -> list[tuple[list[float], list[float]]]: ...
+    def failed(self) -> _Floats: ...
+
+@final
+class Experiment:
+    counts: tuple[int, int, int]
+    has_ended: bool
+    def __new__(
+        cls,
+        out: _Path,
+        config: _Path | None,
+        set: Sequence[tuple[str, str]],
+        function: str | None,
+        command: str,
+        threads: int,
+    ) -> Experiment: ...
+    def hand(self) -> Simulation: ...
+    def soon(self) -> Seen | None: ...
+    def answer(self, grasps: Sequence[tuple[Sequence[float], float, float | None, float | None]]) -> None: ...
+    def fail(self, why: str) -> None: ...
+    def stop(self) -> None: ...
+
+def experiment_page(folder: _Path) -> str: ...
 def end() -> None: ...
 def publish(path: _Path, text: str) -> None: ...
 def run_program(words: Sequence[str]) -> int: ...

@@ -79,8 +79,6 @@ def generate(
         out, config = config, out
     config = None if config in (None, "paper") else config
     where = _location(out)
-    if not (progress is True or progress is False or progress is None or callable(progress)):
-        raise InputError(f"progress must be True, False or a function, got {_arrays.shown(progress)}")
     limits = {"shards": shards, "attempts": attempts, "seed": seed}
     shards, attempts, seed = (None if value is None else _arrays.whole(name, value, 0, 2**63 - 1) for name, value in limits.items())
     count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
@@ -100,25 +98,32 @@ def generate(
             work.stop()
             raise
 
+    told(run, progress, " attempts")
+    return Dataset(where)
+
+
+def told(run: Callable[[Progress | None], None], progress: Progress | bool | None, unit: str) -> None:
+    """Does work that tells how far it is: to a bar, to a function, or to nobody."""
     if progress is True:
-        with _bar() as bar:
+        with _bar(unit) as bar:
 
             def show(done: int, total: int, held: int) -> None:
                 bar.total = total
                 bar.update(done - bar.n)
 
             run(show)
-    else:
+    elif callable(progress) or progress is False or progress is None:
         run(progress or None)
-    return Dataset(where)
+    else:
+        raise InputError(f"progress must be True, False or a function, got {_arrays.shown(progress)}")
 
 
-def _bar() -> Any:
+def _bar(unit: str) -> Any:
     try:
         from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
     except ImportError as error:
         raise InputError("progress=True needs tqdm: pip install tqdm, or give a function") from error
-    return tqdm(unit=" attempts", total=None)
+    return tqdm(unit=unit, total=None)
 
 
 def _location(path: str | os.PathLike[str]) -> str:

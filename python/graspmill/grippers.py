@@ -75,7 +75,10 @@ class Gripper:
     @classmethod
     def load(cls, name: str | os.PathLike[str]) -> Gripper:
         """A built-in gripper, such as ``"franka_hand"``, or the one in a file, whose path ends in ``.toml``."""
-        read = _native.Simulation(None, [("gripper", setting(name))])
+        return cls._of(_native.Simulation(None, [("gripper", setting(name))]))
+
+    @classmethod
+    def _of(cls, read: _native.Simulation) -> Gripper:
         flange = read.flange_from_grasp
         pose = None if flange is None else _arrays.matrices([flange])[0]
         # The shortest decimals that are the same in single precision, as files have them.

@@ -8,6 +8,7 @@ mod annotate;
 mod crops;
 mod dataset;
 mod detached;
+mod experiment;
 mod fault;
 mod generate;
 mod plan;
@@ -30,6 +31,8 @@ mod _native {
     use crate::dataset::Dataset;
     #[pymodule_export]
     use crate::detached::end;
+    #[pymodule_export]
+    use crate::experiment::{Experiment, Seen, experiment_page};
     #[pymodule_export]
     use crate::generate::Generation;
     #[pymodule_export]

@@ -36,6 +36,8 @@ opening_m: float = plan[0].opening_m
 best: float = plan[0].score
 some: list[graspmill.Grasp] = again[:2]
 dataset = graspmill.generate("grasps", gripper="wsg_50", shards=1)
+cleared: graspmill.ExperimentResults = graspmill.experiment("runs/mine", planner=lambda look: planner.plan(look.depths, look.cameras))
+cleared = graspmill.experiment("runs/none", planner=lambda look: (look.failed, [0.5]), name="none", progress=True)
 """
 
 

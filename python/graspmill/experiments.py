@@ -1,0 +1,221 @@
+"""Experiments: tables cleared in simulation, by our planner or by a function of the user."""
+
+from __future__ import annotations
+
+import json
+import os
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Callable, Iterable, Mapping, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _arrays, _native
+from .cameras import Camera
+from .dataset import Progress, told
+from .errors import InputError
+from .grippers import Gripper
+from .pages import Page
+from .plans import Plan
+from .scene import setting_pairs
+
+#: What a function that plans returns: a plan, or poses and scores.
+Planned = Union[Plan, "tuple[ArrayLike, ArrayLike]"]
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What a planner is shown of a scene. Poses, points and directions are in the workspace, or, of an experiment with
+    ``frames = "found"``, in the frame of the first camera, which then has no pose.
+
+    Attributes:
+        depths: Of each camera the depth image, ``[height, width]`` float32 in metres along its z; 0 or NaN where nothing was seen.
+        cameras: The cameras, as :meth:`Planner.plan` takes them.
+        objects: Of each camera the object that each pixel shows in truth, ``[height, width]`` int32, counted from 0; −1 where it shows
+            none. Planners of single objects are given this; leave it alone to test one that segments.
+        object_count: Number of objects on the table; some may be hidden.
+        failed: ``[N, 4, 4]``, hands that failed on this scene, if the experiment tells them (``stop.avoid_failed``).
+        down: The direction of gravity, ``[3]``.
+        gripper: The hand that will execute the grasp.
+        workspace_size_m: Side of the workspace for :meth:`Planner.plan`; ``None`` for its default.
+    """
+
+    depths: list[NDArray[np.float32]]
+    cameras: list[Camera]
+    objects: list[NDArray[np.int32]]
+    object_count: int
+    failed: NDArray[np.float64]
+    down: NDArray[np.float64]
+    gripper: Gripper
+    workspace_size_m: float | None
+
+    @classmethod
+    def _of(cls, seen: _native.Seen, gripper: Gripper) -> Look:
+        def camera(number: int, lens: list[float], pose: list[float]) -> Camera:
+            width, height, fx, fy, cx, cy = lens
+            is_first = seen.finds_table and not number
+            return Camera(int(width), int(height), fx, fy, cx, cy, None if is_first else np.asarray(pose))
+
+        return cls(
+            depths=seen.depths(),
+            cameras=[camera(number, lens, pose) for number, (lens, pose) in enumerate(seen.cameras())],
+            objects=seen.objects(),
+            object_count=seen.object_count,
+            failed=_arrays.matrices(seen.failed()),
+            down=np.asarray(seen.down, np.float64),
+            gripper=gripper,
+            workspace_size_m=seen.workspace_size_m,
+        )
+
+    def clouds(self) -> tuple[list[NDArray[np.float32]], NDArray[np.float32]]:
+        """The points that all cameras saw, in metres: of each object ``[N, 3]``, and of everything else ``[M, 3]``."""
+        points, shown = [], []
+        for depth, camera, objects in zip(self.depths, self.cameras, self.objects):
+            v, u = np.nonzero(np.isfinite(depth) & (depth > 0))
+            z = depth[v, u].astype(np.float64)
+            rays = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones(len(u))], axis=1)
+            pose = np.eye(4) if camera.workspace_from_camera is None else camera.workspace_from_camera
+            points.append(((rays * z[:, None]) @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32))
+            shown.append(objects[v, u])
+        cloud, of = np.concatenate(points), np.concatenate(shown)
+        return [cloud[of == number] for number in range(self.object_count)], cloud[of < 0]
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentResults:
+    """The results of an experiment; its folder has them as tables and pages, too (``docs/experiments.md``).
+
+    Attributes:
+        folder: The folder.
+        results: Counts, and rates with intervals, as ``report.json`` has them.
+    """
+
+    folder: Path
+    results: dict[str, Any]
+
+    def page(self) -> Page:
+        """Rates, failures, and pictures of scenes with the grasps, as ``graspmill experiment report`` writes it."""
+        return Page(_native.experiment_page(self.folder))
+
+    def __repr__(self) -> str:
+        counts = self.results
+        return (
+            f"ExperimentResults({counts['protocol']}: {counts['held']} of {counts['attempts']} grasps held, "
+            f"{counts['removed']} of {counts['objects']} objects removed)"
+        )
+
+
+def experiment(
+    out: str | os.PathLike[str],
+    config: str | os.PathLike[str] = "pile",
+    *,
+    planner: Callable[[Look], Planned] | None = None,
+    name: str | None = None,
+    rounds: int | None = None,
+    seed: int | None = None,
+    settings: Mapping[str, Any] | None = None,
+    threads: int | None = None,
+    progress: Progress | bool = False,
+) -> ExperimentResults:
+    """Clears tables in simulation and counts, or continues that: ``graspmill experiment run``, with its files.
+
+    Args:
+        out: The folder of the experiment; created if missing.
+        config: ``"pile"``, which comes with the package, or the path of an experiment's file (``configs/experiment``).
+        planner: A function that is shown a :class:`Look` and returns grasps: a :class:`Plan`, or a tuple of poses ``[N, 4, 4]`` or
+            ``[N, 7]`` and scores ``[N]``, in the frame of the look: the origin midway between the finger tips, +z the approach, +y
+            the closing direction. The grasp with the highest score is executed; of a plan the first. By default our planner.
+        name: What tells the function's results from those of another: a folder continues with the same name only. By default the
+            function's own.
+        rounds: Rounds of a seed, in place of the config's.
+        seed: The only seed of the scenes, in place of the config's.
+        settings: Other keys of the experiment, such as ``{"noise.kind": "d435"}``, and of the planner's, ``{"plan.gripper":
+            "franka_hand"}``.
+        threads: Rounds at once, by default one per core; it changes times, not results.
+        progress: ``True`` for a progress bar (needs tqdm), or a function of the rounds that are done, all rounds, and the grasps
+            that held; an exception that it raises stops the work.
+
+    Returns:
+        The results.
+
+    Raises:
+        InputError: If the config is wrong, or the folder holds another experiment.
+        DataError: If its journal was damaged.
+        OutsideError: If the disk fails; the same call continues.
+        KeyboardInterrupt: After Ctrl-C, also within the function. Finished rounds are kept, and the same call continues.
+
+    The function runs on the caller's thread, for one scene at a time. If it raises an ``Exception`` or returns anything else, the
+    **round** is over (``no_answer``, with the reason in the journal and on the page), not the run. No grasps are an answer.
+    """
+    if planner is not None and not callable(planner):
+        raise InputError(f"planner must be a function of a graspmill.Look, got {_arrays.shown(planner)}")
+    if name is not None and planner is None:
+        raise InputError("name goes with planner: our own has a name")
+    if planner is not None:
+        own = f"{getattr(planner, '__module__', '')}.{getattr(planner, '__qualname__', type(planner).__qualname__)}"
+        name = own if name is None else _arrays.text("name", name)
+    folder = Path(os.path.abspath(_arrays.path("out", out)))
+    file = None if config == "pile" else os.path.abspath(_arrays.path("config", config))
+    pairs = setting_pairs(settings)
+    if rounds is not None:
+        pairs.append(("rounds", str(_arrays.whole("rounds", rounds, 1, 1_000_000))))
+    if seed is not None:
+        pairs.append(("seeds", f"[{_arrays.whole('seed', seed, 0, 2**63 - 1)}]"))
+    count = (os.cpu_count() or 1) if threads is None else _arrays.whole("threads", threads, 1, 1024)
+    command = f"graspmill.experiment({str(out)!r}, {str(config)!r}{f', planner={name}' if name else ''})"
+
+    def run(tell: Progress | None) -> None:
+        work = _native.Experiment(folder, file, pairs, name, command, count)
+        gripper = Gripper._of(work.hand())
+        try:
+            while not work.has_ended:
+                seen = work.soon()
+                if seen is not None and planner is not None:
+                    _answer(work, planner, Look._of(seen, gripper))
+                if tell is not None:
+                    tell(*work.counts)
+        except BaseException:
+            work.stop()
+            raise
+
+    told(run, progress, " rounds")
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    return ExperimentResults(folder, report["results"])
+
+
+def _answer(work: _native.Experiment, planner: Callable[[Look], Planned], look: Look) -> None:
+    """Asks the function, and tells the round what it said."""
+    try:
+        grasps = _offers(planner(look), look)
+    except Exception as error:  # whatever it is, it is the function's answer
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        work.fail(f"{type(error).__name__}: {error} ({os.path.basename(last.filename)}, line {last.lineno})")
+    else:
+        work.answer(grasps)
+
+
+def _offers(planned: Any, look: Look) -> list[tuple[list[float], float, float | None, float | None]]:
+    """Grasps, the best first: poses, scores, widths and ρ."""
+    if isinstance(planned, Plan):
+        return list(_of_plan(planned.answer["grasps"], look))
+    if not isinstance(planned, tuple) or len(planned) != 2:
+        raise InputError(f"what planner returns must be a Plan, or poses and scores, got {_arrays.shown(planned)}")
+    poses = _arrays.poses("the poses that planner returns", planned[0])
+    scores = _arrays.floats("the scores that planner returns", planned[1], (len(poses),))
+    if not np.isfinite(scores).all():
+        raise InputError("the scores that planner returns must be finite")
+    order = np.argsort(-scores, kind="stable")
+    return [([float(part) for part in poses[number]], float(scores[number]), None, None) for number in order]
+
+
+def _of_plan(rows: Iterable[dict[str, Any]], look: Look) -> Iterable[tuple[list[float], float, float | None, float | None]]:
+    # A plan that found the table has a workspace of its own.
+    frame = "camera_from_grasp" if look.cameras[0].workspace_from_camera is None else "workspace_from_grasp"
+    for row in rows:
+        pose = row[frame]
+        if pose is None:
+            raise InputError("a plan must have the poses in the first camera's frame: plan from its image")
+        width = row["opening_m"] if row["width_m"] is None else row["width_m"]
+        yield [*pose["position_m"], *pose["quaternion_xyzw"]], row["quality"], width, row["rho_m"]

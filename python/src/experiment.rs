@@ -1,0 +1,287 @@
+//! `graspmill.experiment`: rounds in physics, whose grasps a function of the caller may plan.
+//!
+//! The rounds run on threads of their own. The function is called by the package's Python half, for one round after the
+//! other, while the rounds that wait for it stand still.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Sender, channel};
+
+use experiments::config::Config;
+use experiments::finish::finish;
+use experiments::offer::{Look, NoPlan, Offer, Plans};
+use experiments::page::{Played, document};
+use experiments::record::Round;
+use experiments::run::run;
+use numpy::{PyArray2, PyArrayMethods as _};
+use planner::View;
+use program::{ExitCode, Failure, FolderLock};
+use pyo3::prelude::*;
+use schema::{Pose, Vec3};
+
+use crate::fault::{array, free, raised};
+use crate::pool::Apart;
+use crate::scene::{Seven, Simulation, pose, rows, seven};
+
+/// How far the rounds are, and whether they shall stop.
+#[derive(Debug, Default)]
+struct Counts {
+    stop: AtomicBool,
+    rounds: AtomicU64,
+    held: AtomicU64,
+}
+
+impl Counts {
+    fn add(&self, round: &Round) {
+        self.rounds.fetch_add(1, Ordering::Relaxed);
+        self.held.fetch_add(round.removed_count.into(), Ordering::Relaxed);
+    }
+}
+
+/// What the rounds tell: that one waits for grasps, or that all are played.
+#[derive(Debug)]
+enum Step {
+    Asked(Box<Seen>, Sender<Answer>),
+    Played,
+}
+
+/// Grasps in the frame of what was seen, the best first, or why there are none.
+type Answer = Result<Vec<Offer>, String>;
+
+/// A function of the caller.
+#[derive(Debug)]
+struct Function {
+    id: String,
+    tell: Sender<Result<Step, Failure>>,
+}
+
+impl Plans for Function {
+    fn id(&self) -> String {
+        self.id.clone()
+    }
+
+    fn plan(&self, mut look: Look<'_>) -> Result<Vec<Offer>, NoPlan> {
+        let shown = look.shown();
+        let workspace_from_first = look.into_their_frame();
+        let workspace_from_theirs = workspace_from_first.unwrap_or(Pose::IDENTITY);
+        let (answer, answers) = channel();
+        let seen = Seen {
+            object_count: look.scene.objects.len(),
+            shown,
+            workspace_size_m: look.workspace_size_m(),
+            down: workspace_from_theirs.rotation.inverse() * Vec3::NEG_Z,
+            finds_table: workspace_from_first.is_some(),
+            views: look.views,
+            failed: look.failed,
+        };
+        // Nobody answers, or listens, after the run was stopped.
+        _ = self.tell.send(Ok(Step::Asked(Box::new(seen), answer)));
+        let answer = answers.recv().unwrap_or_else(|_| Err("the run was stopped".to_owned()));
+        let mut offers = answer.map_err(NoPlan::NoAnswer)?;
+        for offer in &mut offers {
+            offer.workspace_from_grasp = workspace_from_theirs * offer.workspace_from_grasp;
+        }
+        Ok(offers)
+    }
+}
+
+/// What a function is shown.
+#[pyclass(frozen, module = "graspmill._native")]
+#[derive(Debug)]
+pub(crate) struct Seen {
+    views: Vec<View>,
+    /// Of each view the object that each pixel shows.
+    shown: Vec<Vec<Option<usize>>>,
+    /// Objects of the scene.
+    #[pyo3(get)]
+    object_count: usize,
+    failed: Vec<Pose>,
+    down: Vec3,
+    /// Whether poses are in the first camera's frame, which has no pose.
+    #[pyo3(get)]
+    finds_table: bool,
+    #[pyo3(get)]
+    workspace_size_m: Option<f32>,
+}
+
+#[pymethods]
+impl Seen {
+    /// The views' depth images in metres, `[height, width]`.
+    fn depths<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
+        let image = |view: &View| {
+            let shape = [view.image.height_px, view.image.width_px];
+            array(py, view.image.depth_m.clone())?.reshape(shape)
+        };
+        self.views.iter().map(image).collect()
+    }
+
+    /// Which object each pixel shows, `[height, width]`, -1 for none.
+    fn objects<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<i32>>>> {
+        let image = |(view, shown): (&View, &Vec<Option<usize>>)| {
+            let shape = [view.image.height_px, view.image.width_px];
+            array(py, shown.iter().map(|object| object.map_or(-1, |object| object as i32)).collect())?.reshape(shape)
+        };
+        self.views.iter().zip(&self.shown).map(image).collect()
+    }
+
+    /// Of each camera the six numbers of its lens, and its pose.
+    fn cameras(&self) -> Vec<([f32; 6], Seven)> {
+        let camera = |View { camera, .. }: &View| {
+            let lens = camera.intrinsics;
+            let size_px = [lens.width_px as f32, lens.height_px as f32];
+            (
+                [size_px[0], size_px[1], lens.fx_px, lens.fy_px, lens.cx_px, lens.cy_px],
+                seven(&camera.workspace_from_camera),
+            )
+        };
+        self.views.iter().map(camera).collect()
+    }
+
+    /// Hands that failed, `[N, 7]`.
+    fn failed<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        rows(py, self.failed.iter().copied())
+    }
+
+    /// Where gravity points.
+    #[getter]
+    fn down(&self) -> [f32; 3] {
+        self.down.to_array()
+    }
+}
+
+/// An experiment whose rounds are being played.
+#[pyclass(module = "graspmill._native")]
+#[derive(Debug)]
+pub(crate) struct Experiment {
+    work: Apart<Step>,
+    counts: Arc<Counts>,
+    config: Arc<Config>,
+    /// Of the round that waits.
+    answer: Option<Sender<Answer>>,
+    #[pyo3(get)]
+    has_ended: bool,
+}
+
+impl Drop for Experiment {
+    fn drop(&mut self) {
+        self.counts.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+#[pymethods]
+impl Experiment {
+    /// Begins it. Our planner plans, or a function by the name `function`; `command` is what the report names.
+    #[new]
+    fn new(
+        out: PathBuf,
+        config: Option<PathBuf>,
+        set: Vec<(String, String)>,
+        function: Option<String>,
+        command: String,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let config = Config::read(config.as_deref(), &set).map_err(|error| raised(&error.into()))?;
+        let (config, counts) = (Arc::new(config), Arc::new(Counts::default()));
+        let (asked, told) = (Arc::clone(&config), Arc::clone(&counts));
+        let work = move |tell: &Sender<Result<Step, Failure>>| {
+            let planner: Box<dyn Plans> = match function {
+                Some(name) => Box::new(Function { id: format!("function-{name}"), tell: tell.clone() }),
+                None => Box::new(asked.planner()?),
+            };
+            play(&asked, &*planner, command, threads, &out, &told).map(|()| Step::Played)
+        };
+        Ok(Self { work: Apart::start(1, work)?, counts, config, answer: None, has_ended: false })
+    }
+
+    /// The hand that executes.
+    fn hand(&self) -> Simulation {
+        let generator::Config { physics, procedure, settle, grid, .. } = &self.config.scene;
+        Simulation {
+            gripper: self.config.plan.gripper.clone(),
+            physics: *physics,
+            procedure: *procedure,
+            settle: *settle,
+            grid: *grid,
+        }
+    }
+
+    /// Rounds that are there, all rounds, and grasps that held.
+    #[getter]
+    fn counts(&self) -> (u64, u64, u64) {
+        (
+            self.counts.rounds.load(Ordering::Relaxed),
+            self.config.round_count(),
+            self.counts.held.load(Ordering::Relaxed),
+        )
+    }
+
+    /// What a round shows its planner, if one asks within a moment.
+    fn soon(&mut self, py: Python<'_>) -> PyResult<Option<Seen>> {
+        match self.work.soon(py)? {
+            Some(Step::Asked(seen, answer)) => {
+                self.answer = Some(answer);
+                Ok(Some(*seen))
+            }
+            Some(Step::Played) => {
+                self.has_ended = true;
+                Ok(None)
+            }
+            None => Ok(None),
+        }
+    }
+
+    /// Grasps for the round that asked, the best first: poses, scores, and where they are known widths and ρ in metres.
+    fn answer(&mut self, grasps: Vec<(Seven, f32, Option<f32>, Option<f32>)>) {
+        let opening_m = self.config.plan.gripper.opening_m_max; // where no width is known
+        let offer = |(at, quality, width_m, rho_m): (Seven, f32, Option<f32>, Option<f32>)| Offer {
+            workspace_from_grasp: pose(at),
+            width_m: width_m.unwrap_or(opening_m),
+            quality,
+            rho_m,
+        };
+        self.tell(Ok(grasps.into_iter().map(offer).collect()));
+    }
+
+    /// There are no grasps for the round that asked: why.
+    fn fail(&mut self, why: String) {
+        self.tell(Err(why));
+    }
+
+    /// Stops it, and waits until what is done is kept.
+    fn stop(&mut self, py: Python<'_>) {
+        self.counts.stop.store(true, Ordering::Relaxed);
+        self.answer = None;
+        self.work.end(py);
+    }
+}
+
+impl Experiment {
+    fn tell(&mut self, answer: Answer) {
+        // A round that has failed otherwise does not listen.
+        _ = self.answer.take().map(|asked| asked.send(answer));
+    }
+}
+
+/// Plays the rounds that are missing and writes the results.
+fn play(
+    config: &Config,
+    planner: &dyn Plans,
+    command: String,
+    threads: usize,
+    out: &Path,
+    counts: &Counts,
+) -> Result<(), Failure> {
+    let _lock = FolderLock::take(out)?;
+    let rounds = run(config, planner, threads, out, &counts.stop, &|round| counts.add(round))?;
+    if (rounds.len() as u64) < config.round_count() {
+        return Err(Failure::new(ExitCode::TryAgain, "the experiment was stopped"));
+    }
+    finish(config, command, planner.id(), rounds, out).map(drop)
+}
+
+/// The page of an experiment that is done.
+#[pyfunction]
+pub(crate) fn experiment_page(py: Python<'_>, folder: PathBuf) -> PyResult<String> {
+    free(py, || document(&[Played::read(&folder)?]).html())
+}
