@@ -8,7 +8,7 @@ use core::f32::consts::FRAC_PI_6;
 
 use grasps::{CandidateSampler, Judge, ObservedScene, ScoredGrasp};
 use schema::{
-    Approach, AttemptRecord, ObjectRecord, Pose, Purpose, Rule, Stream, Vec3, View, VoxelGrid, axis_angle,
+    Approach, AttemptRecord, Grasp, ObjectRecord, Pose, Purpose, Rule, Stream, Vec3, View, VoxelGrid, axis_angle,
     pose_from_parts,
 };
 use simulator::{Scene, SceneRays};
@@ -134,7 +134,8 @@ impl Observed<'_> {
 /// The best proposals of a scene that are apart from better ones.
 fn best(judge: &Judge, seen: ObservedScene<'_>, count: usize, stream: &mut Stream) -> Vec<ScoredGrasp> {
     let mut best: Vec<ScoredGrasp> = Vec::with_capacity(count);
-    for scored in judge.scored_grasps(seen, (JUDGED_OF, APART_M), stream, (&[], &|_| true), &|_| None) {
+    let all = |hands: &[Grasp]| vec![true; hands.len()];
+    for scored in judge.scored_grasps(seen, (JUDGED_OF, APART_M), stream, (&[], &all), &|_| None) {
         if best.len() < count && best.iter().all(|better| !better.is_near(&scored, APART_M)) {
             best.push(scored);
         }

@@ -6,7 +6,7 @@ use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Stream, Vec3};
 
-use crate::{CandidateSampler, ObservedScene, Space};
+use crate::{AreWanted, CandidateSampler, ObservedScene, Space, kept};
 
 /// Hands that one thread judges together.
 const TOGETHER: usize = 8;
@@ -96,7 +96,7 @@ impl Judge {
         seen: ObservedScene<'_>,
         (proposals, apart_m): (usize, f32),
         stream: &mut Stream,
-        (about_m, is_wanted): (&[Vec3], &dyn Fn(&Grasp) -> bool),
+        (about_m, are_wanted): (&[Vec3], &AreWanted<'_>),
         better: &(dyn Fn(&Grasp) -> Option<Grasp> + Sync),
     ) -> Vec<ScoredGrasp> {
         let space = Space::new(seen.field, seen.fine, seen.reach_m);
@@ -105,7 +105,7 @@ impl Judge {
         let mut judged: Vec<ScoredGrasp> = Vec::new();
         let mut wanted = space.near(about_m, ABOUT_M);
         for _ in 0..SEARCHES_MAX {
-            let hands = self.sampler.search(&space, (&wanted, is_wanted), proposals, stream);
+            let hands = self.sampler.search(&space, (&wanted, are_wanted), proposals, stream);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
             judged.extend(parts.into_iter().flatten());
             if hands.is_empty() || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {
@@ -116,9 +116,10 @@ impl Judge {
         let (mut best, rest) = leaders(sorted(judged), apart_m);
         let moved: Vec<Option<Grasp>> = best.par_iter().map(|judged| better(&judged.grasp)).collect();
         let moved = moved.into_iter().enumerate().filter_map(|(place, hand)| Some((place, hand?)));
-        let moved: Vec<(usize, Grasp)> = moved
-            .filter(|(_, hand)| self.sampler.is_free(&space, &hand.workspace_from_grasp) && is_wanted(hand))
-            .collect();
+        let moved: Vec<(usize, Grasp)> =
+            moved.filter(|(_, hand)| self.sampler.is_free(&space, &hand.workspace_from_grasp)).collect();
+        let hands: Vec<Grasp> = moved.iter().map(|(_, hand)| *hand).collect();
+        let moved = kept(&moved, &are_wanted(&hands));
         let hands: Vec<Grasp> = moved.iter().map(|(_, hand)| *hand).collect();
         let outcomes: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
         for ((place, _), moved) in moved.into_iter().zip(outcomes.into_iter().flatten()) {

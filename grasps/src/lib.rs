@@ -109,6 +109,9 @@ impl Draw {
     }
 }
 
+/// Of each of some hands whether it is wanted.
+pub type AreWanted<'a> = dyn Fn(&[Grasp]) -> Vec<bool> + 'a;
+
 impl CandidateSampler {
     /// Prepares a hand that starts `pregrasp_distance_m` behind its grasp.
     #[must_use]
@@ -124,7 +127,7 @@ impl CandidateSampler {
     #[must_use]
     pub fn sample(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
         let space = Space::new(field, None, field.lattice.corners_m());
-        self.search(&space, (&Default::default(), &|_| true), count, stream)
+        self.search(&space, (&Default::default(), &|hands| vec![true; hands.len()]), count, stream)
     }
 
     /// [`Self::sample`] in a scene that is prepared, for several searches, on the `wanted` points of its surfaces, of
@@ -132,7 +135,7 @@ impl CandidateSampler {
     fn search(
         &self,
         space: &Space<'_>,
-        (wanted, is_wanted): (&[Vec<usize>; 2], &dyn Fn(&Grasp) -> bool),
+        (wanted, are_wanted): (&[Vec<usize>; 2], &AreWanted<'_>),
         count: usize,
         stream: &mut Stream,
     ) -> Vec<Grasp> {
@@ -144,7 +147,8 @@ impl CandidateSampler {
             let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&space.surfaces, wanted, stream)).collect();
             let hand = |draw: &Draw| self.hand(space, space.surfaces[usize::from(draw.closes)][draw.point], draw);
             let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(hand).collect();
-            found.extend(round.into_iter().flatten().filter(is_wanted));
+            let round: Vec<Grasp> = round.into_iter().flatten().collect();
+            found.extend(kept(&round, &are_wanted(&round)));
             if found.len() >= count {
                 break;
             }
@@ -332,6 +336,11 @@ fn points_of(b: &HandBox) -> impl Iterator<Item = Vec3> + use<> {
         let [x, y, z] = [share(at / (ny * nz), nx), share(at / nz % ny, ny), share(at % nz, nz)];
         b.centre_m + b.half_m * Vec3::new(x, y, z)
     })
+}
+
+/// Those of some things that are to be kept.
+fn kept<T: Copy>(all: &[T], keeps: &[bool]) -> Vec<T> {
+    all.iter().zip(keeps).filter(|(_, is_kept)| **is_kept).map(|(one, _)| *one).collect()
 }
 
 #[cfg(test)]

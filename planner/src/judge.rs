@@ -41,12 +41,16 @@ impl Method for JudgeMethod {
         let mut stream = Stream::new(config.seed, scene, Purpose::Proposals, 0);
         // As it is offered: of a hand and its half turn the one nearer to the wrist.
         let wrist = options.wrist();
-        let is_wanted = |hand: &Grasp| limiter.broken(&towards_wrist(&hand.workspace_from_grasp, wrist)).is_none();
+        let are_wanted = |hands: &[Grasp]| {
+            let offered = |hand: &Grasp| towards_wrist(&hand.workspace_from_grasp, wrist);
+            let broken = limiter.broken(&hands.iter().map(offered).collect::<Vec<_>>());
+            broken.iter().map(Option::is_none).collect()
+        };
         let about_m = limiter.about_m();
         let centred = |hand: &Grasp| widths.centred(hand);
         let judged = timed(timings_ms, "judge", || {
             let JudgeParams { proposals, apart_m, .. } = config.judge;
-            self.judge.scored_grasps(seen, (proposals, apart_m), &mut stream, (&about_m, &is_wanted), &centred)
+            self.judge.scored_grasps(seen, (proposals, apart_m), &mut stream, (&about_m, &are_wanted), &centred)
         });
         selected(&judged, request)
     }

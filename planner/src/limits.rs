@@ -25,8 +25,8 @@ const ABOUT_MAX: usize = 400;
 /// What is between the fingers reaches this far beyond the tips and beside the fingers.
 const BETWEEN_MARGIN_M: f32 = 0.002;
 
-/// Whether a grasp, in the workspace, will do.
-pub type WillDo<'a> = dyn Fn(&Pose) -> bool + Sync + 'a;
+/// Of each of some grasps, in the workspace, whether it will do.
+pub type WillDo<'a> = dyn Fn(&[Pose]) -> Vec<bool> + Sync + 'a;
 
 /// Limits, ready to be held against grasps; it counts what they refuse.
 pub(crate) struct Limiter<'a> {
@@ -41,8 +41,10 @@ pub(crate) struct Limiter<'a> {
     way_out: HandVolume,
     way_out_corners_m: Vec<Vec3>,
     board: Option<Wall>,
-    /// Whether a camera looks at the fingers, and the caller's own.
-    will_do: [&'a WillDo<'a>; 2],
+    /// Whether a camera looks at the fingers.
+    is_in_sight: &'a (dyn Fn(&Pose) -> bool + Sync),
+    /// The caller's own.
+    will_do: &'a WillDo<'a>,
     refused: [AtomicUsize; Limit::ALL.len()],
 }
 
@@ -54,7 +56,8 @@ impl<'a> Limiter<'a> {
         gripper: &Gripper,
         pregrasp_m: f32,
         (target_m, walls): (Option<[Vec<Vec3>; 2]>, Walls),
-        will_do: [&'a WillDo<'a>; 2],
+        is_in_sight: &'a (dyn Fn(&Pose) -> bool + Sync),
+        will_do: &'a WillDo<'a>,
     ) -> Self {
         let Walls { things_m, walls_m, board } = walls;
         // Who wants a wall says so.
@@ -78,6 +81,7 @@ impl<'a> Limiter<'a> {
             way_out_corners_m: way_out.iter().flat_map(corners).collect(),
             way_out: HandVolume::new(way_out.to_vec()),
             board,
+            is_in_sight,
             will_do,
             refused: Default::default(),
         }
@@ -89,11 +93,18 @@ impl<'a> Limiter<'a> {
         wanted_m.iter().copied().step_by(wanted_m.len() / ABOUT_MAX + 1).collect()
     }
 
-    /// The first limit that a grasp breaks.
-    pub(crate) fn broken(&self, workspace_from_grasp: &Pose) -> Option<Limit> {
-        let broken = self.find(workspace_from_grasp);
-        if let Some(limit) = broken {
-            self.refused[limit as usize].fetch_add(1, Ordering::Relaxed);
+    /// Of each grasp the first limit that it breaks. The caller is asked once, about all that break no other.
+    pub(crate) fn broken(&self, workspace_from_grasps: &[Pose]) -> Vec<Option<Limit>> {
+        let mut broken: Vec<Option<Limit>> = workspace_from_grasps.iter().map(|pose| self.find(pose)).collect();
+        let left: Vec<usize> = (0..broken.len()).filter(|place| broken[*place].is_none()).collect();
+        if !left.is_empty() {
+            let asked: Vec<Pose> = left.iter().map(|place| workspace_from_grasps[*place]).collect();
+            for (place, will_do) in left.into_iter().zip((self.will_do)(&asked)) {
+                broken[place] = (!will_do).then_some(Limit::Accept);
+            }
+        }
+        for limit in broken.iter().flatten() {
+            self.refused[*limit as usize].fetch_add(1, Ordering::Relaxed);
         }
         broken
     }
@@ -134,8 +145,7 @@ impl<'a> Limiter<'a> {
         if meets_board || self.way_out.points_inside(workspace_from_grasp, &self.walls_m) > WALL_POINTS_MAX {
             return Some(Limit::Walls);
         }
-        let own = [Limit::Unseen, Limit::Accept].into_iter().zip(self.will_do);
-        own.into_iter().find(|(_, will_do)| !will_do(workspace_from_grasp)).map(|(limit, _)| limit)
+        (!(self.is_in_sight)(workspace_from_grasp)).then_some(Limit::Unseen)
     }
 
     /// What was refused, in words: `412 by approach, 7 by target`; none if nothing was.
@@ -237,9 +247,13 @@ mod tests {
     use crate::hand::WRIST_DOWN;
     use crate::{Ball, BuiltIn, Target};
 
+    fn everything(poses: &[Pose]) -> Vec<bool> {
+        vec![true; poses.len()]
+    }
+
     fn broken(limits: &Limits, grasp: &Pose) -> Option<Limit> {
         let gripper = BuiltIn::Judge.config().unwrap().gripper;
-        Limiter::new(limits, &gripper, 0.05, Default::default(), [&|_| true; 2]).broken(grasp)
+        Limiter::new(limits, &gripper, 0.05, Default::default(), &|_| true, &everything).broken(&[*grasp])[0]
     }
 
     #[test]
@@ -269,11 +283,14 @@ mod tests {
         let top_m = 0.08 + gripper.finger_length_m + gripper.palm_length_m + 0.05;
         assert_eq!(broken(&shelf(top_m - 0.001), &down), Some(Limit::KeepOut));
         assert_eq!(broken(&shelf(top_m + 0.001), &down), None);
-        let (none, left) = (Limits::default(), |pose: &Pose| pose.translation.x < 0.1);
-        let limiter = Limiter::new(&none, &gripper, 0.05, Default::default(), [&|_| true, &left]);
+        let none = Limits::default();
+        let left = |poses: &[Pose]| poses.iter().map(|pose| pose.translation.x < 0.1).collect();
+        let is_near = |pose: &Pose| pose.translation.y < 0.3;
+        let limiter = Limiter::new(&none, &gripper, 0.05, Default::default(), &is_near, &left);
         let beside = Pose::from_parts(Vec3::new(0.09, 0.2, 0.08), WRIST_DOWN);
-        assert_eq!((limiter.broken(&down), limiter.broken(&beside)), (Some(Limit::Accept), None));
-        assert_eq!(limiter.rejections().as_deref(), Some("1 by accept"));
+        let far = Pose::from_parts(Vec3::new(0.09, 0.4, 0.08), WRIST_DOWN);
+        assert_eq!(limiter.broken(&[far, down, beside]), [Some(Limit::Unseen), Some(Limit::Accept), None]);
+        assert_eq!(limiter.rejections().as_deref(), Some("1 by unseen, 1 by accept"));
     }
 
     #[test]
@@ -291,9 +308,15 @@ mod tests {
             ([vec![Vec3::new(0.2, 0.2, 0.09)], vec![]], Some(Limit::Target)),
         ];
         for (points, expected) in cases {
-            let limiter =
-                Limiter::new(&limits, &gripper, 0.05, (Some(points.clone()), Default::default()), [&|_| true; 2]);
-            assert_eq!(limiter.broken(&down), expected, "{points:?}");
+            let limiter = Limiter::new(
+                &limits,
+                &gripper,
+                0.05,
+                (Some(points.clone()), Default::default()),
+                &|_| true,
+                &everything,
+            );
+            assert_eq!(limiter.broken(&[down]), [expected], "{points:?}");
             assert_eq!(limiter.rejections(), expected.map(|_| "1 by target".to_owned()));
         }
     }

@@ -146,11 +146,11 @@ impl Planner {
     /// # Errors
     /// [`InputError`] if the observation contradicts itself or the network.
     pub fn plan(&self, observation: &Observation, options: &PlanOptions) -> Result<Plan, InputError> {
-        self.plan_with(observation, options, &|_| true)
+        self.plan_with(observation, options, &|poses| vec![true; poses.len()])
     }
 
-    /// The same with a limit of the caller's: whether a grasp, in the workspace, will do. A judge is asked about no
-    /// hand that will not, and proposes more where few are left.
+    /// The same with a limit of the caller's: whether grasps, in the workspace, will do. A judge is asked about no hand
+    /// that will not, and proposes more where few are left.
     ///
     /// # Errors
     /// As [`Self::plan`].
@@ -222,7 +222,7 @@ impl Planner {
         let widths = Widths::new(views, volume.grid.lattice.table_z_m, gripper);
         let pregrasp_m = collision.pregrasp_distance_m;
         let in_sight = |pose: &Pose| !widths.is_out_of_sight(pose);
-        let limiter = Limiter::new(&options.limits, gripper, pregrasp_m, (target_points, walls), [&in_sight, will_do]);
+        let limiter = Limiter::new(&options.limits, gripper, pregrasp_m, (target_points, walls), &in_sight, will_do);
         let observed = ObservedScene {
             field: &volume.grid,
             fine: volume.fine.as_ref(),

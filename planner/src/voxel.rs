@@ -8,7 +8,7 @@ mod closing;
 use grasps::ObservedScene;
 use network::{DenseGrids, DenseNetwork, GraspOrigin};
 use rayon::prelude::*;
-use schema::{Grasp, Grid, Quat, pose_from_parts};
+use schema::{Grasp, Grid, Pose, Quat, pose_from_parts};
 
 use crate::config::{ClosingBy, Config};
 use crate::hand::towards_wrist;
@@ -75,9 +75,9 @@ impl Method for VoxelMethod {
         }
         candidates
             .drop_where(|ranked| request.is_avoided(&ranked.workspace_from_grasp).then_some(RejectReason::Avoided));
-        candidates.drop_where(|ranked| {
-            request.limiter.broken(&ranked.workspace_from_grasp).map(|limit| RejectReason::Limited { limit })
-        });
+        let hands: Vec<Pose> = candidates.grasps.iter().map(|ranked| ranked.workspace_from_grasp).collect();
+        let mut broken = request.limiter.broken(&hands).into_iter();
+        candidates.drop_where(|_| broken.next().flatten().map(|limit| RejectReason::Limited { limit }));
         let none = request.none_found(&candidates.dropped, detections);
         candidates.end_stage("found", none);
     }

@@ -55,11 +55,12 @@ class PlanOptions(TypedDict, total=False):
         reach: The lower and upper corner of a box for the finger tips, ``[2, 3]``.
         accept: A function of ``workspace_from_grasp``, ``[4, 4]``, that returns whether the grasp can be used, such as
             whether your arm reaches it. The plan raises what it raises.
+        accept_batch: The same for many grasps at once: a function of ``[N, 4, 4]`` that returns ``[N]`` bool, in place of ``accept``.
 
-    ``accept`` is called for one grasp at a time, on the thread that plans. With a judge it is called for every
+    Both are called on the thread that plans, ``accept`` for one grasp at a time. With a judge they are called for every
     candidate before the judge is asked: for 256 candidates, for four times as many if few are accepted, and for more in
-    a larger workspace. With the other networks it is called for the grasps that they found. Ctrl-C ends such a plan at
-    once, and another when it is made.
+    a larger workspace. ``accept_batch`` gets those of one search together, and sees two to five calls. With the other networks
+    they are called for the grasps that these found. Ctrl-C ends such a plan at once, and another when it is made.
     """
 
     workspace_size_m: float | None
@@ -78,6 +79,7 @@ class PlanOptions(TypedDict, total=False):
     keep_out: ArrayLike | None
     reach: ArrayLike | None
     accept: Callable[[NDArray[np.float64]], bool] | None
+    accept_batch: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None
 
 
 #: The first camera in its own frame.
@@ -96,19 +98,25 @@ def _checked(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
         raise InputError("base_from_workspace must not be given where the table is found: give base_from_camera")
     missing: dict[str, Any] = {"explain": False, "avoid": [], "avoid_objects": [], "keep_out": []}
     checked = {name: check(given[name]) if name in given else missing.get(name) for name, check in _CHECKS.items()}
-    return checked | {"finds_table": finds_table}
+    if "accept" in given and "accept_batch" in given:
+        raise InputError("accept and accept_batch must not both be given")
+    return checked | {"finds_table": finds_table, "is_asked": "accept" in given or "accept_batch" in given}
 
 
 def _planned(begin: Callable[..., _native.Plan | _native.Planning], *observation: Any) -> Plan:
-    """A plan of an observation, with checked options at its end. ``accept`` is called here, on the caller's thread."""
+    """A plan of an observation, with checked options at its end. The user's functions are called here, on the caller's thread."""
     planning = begin(*observation)
     if isinstance(planning, _native.Plan):
         return Plan._of(planning)
-    accept = observation[-1]["accept"]
+    accept, accept_batch = observation[-1]["accept"], observation[-1]["accept_batch"]
     try:
         step = planning.next(None)
         while not isinstance(step, _native.Plan):
-            step = planning.next(_arrays.flag("what accept returns", accept(_arrays.matrices([step])[0])))
+            poses = _arrays.matrices(step)
+            if accept_batch is None:
+                step = planning.next([_arrays.flag("what accept returns", accept(pose)) for pose in poses])
+            else:
+                step = planning.next(_accepted(accept_batch(poses), len(poses)))
     finally:
         planning.leave()
     return Plan._of(step)
@@ -305,10 +313,17 @@ def _balls(value: Any) -> list[list[float]]:
     return [[float(part) for part in ball] for ball in balls]
 
 
-def _accepting(accept: Any) -> Any:
+def _accepting(name: str, accept: Any) -> Any:
     if not callable(accept):
-        raise InputError(f"accept must be a function of a pose, got {_arrays.shown(accept)}")
+        raise InputError(f"{name} must be a function of {'poses' if name == 'accept_batch' else 'a pose'}, got {_arrays.shown(accept)}")
     return accept
+
+
+def _accepted(value: Any, count: int) -> list[bool]:
+    array = _arrays.given("what accept_batch returns", value)
+    if array.dtype.kind != "b" or array.shape != (count,):
+        raise InputError(f"what accept_batch returns must be bool [{count}], got {array.dtype} {list(array.shape)}")
+    return [bool(one) for one in array]
 
 
 def _cone(approach: Any) -> tuple[list[float], float]:
@@ -355,7 +370,8 @@ _CHECKS: dict[str, Callable[[Any], Any]] = {
     "approach": _cone,
     "keep_out": _planes,
     "reach": _box,
-    "accept": _accepting,
+    "accept": lambda value: _accepting("accept", value),
+    "accept_batch": lambda value: _accepting("accept_batch", value),
 }
 
 

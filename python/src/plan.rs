@@ -56,8 +56,8 @@ struct Request {
     /// The lower and the upper corner.
     reach: Option<[[f32; 3]; 2]>,
     target_m: Option<[f32; 3]>,
-    /// Its caller calls it.
-    accept: Option<Py<PyAny>>,
+    /// Whether the caller is asked about grasps.
+    is_asked: bool,
 }
 
 impl Request {
@@ -144,7 +144,7 @@ impl Planner {
         request: Request,
     ) -> PyResult<Planned> {
         room(PLAN_BYTES + POINT_BYTES * depths.iter().map(|depth| depth.as_array().len()).sum::<usize>())?;
-        let (is_asked, mut options) = (request.accept.is_some(), request.options()?);
+        let (is_asked, mut options) = (request.is_asked, request.options()?);
         if let Some(masks) = masks {
             let pixels = |mask: &PyReadonlyArray2<'_, bool>| mask.as_array().iter().copied().collect();
             let masks = masks.iter().map(|mask| mask.as_ref().map(pixels)).collect();
@@ -175,7 +175,7 @@ impl Planner {
         let points = |rows: &PyReadonlyArray2<'_, f32>| -> Vec<Vec3> {
             rows.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect()
         };
-        let (is_asked, mut options) = (request.accept.is_some(), request.options()?);
+        let (is_asked, mut options) = (request.is_asked, request.options()?);
         let (mut points_m, object_m) = (points(&points_m), points(&object_m));
         points_m.extend(&object_m);
         if !object_m.is_empty() {
@@ -187,7 +187,7 @@ impl Planner {
     /// A plan from a TSDF in VGN's values, flat.
     fn plan_tsdf(&self, py: Python<'_>, values: PyReadonlyArray1<'_, f32>, request: Request) -> PyResult<Planned> {
         room(PLAN_BYTES + POINT_BYTES * values.as_array().len())?;
-        let (is_asked, options) = (request.accept.is_some(), request.options()?);
+        let (is_asked, options) = (request.is_asked, request.options()?);
         let values = values.as_array().iter().copied().collect();
         let grid = options.workspace(&self.planner.grid);
         let grid = VoxelGrid::new(grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
@@ -214,17 +214,18 @@ impl Planner {
         };
         let planner = Arc::clone(&self.planner);
         if !is_asked {
-            let plan = || planner.plan_with(&observation, &options, &|_| true).map_err(Failure::from);
+            let plan = || planner.plan(&observation, &options).map_err(Failure::from);
             let plan = free(py, || on_threads(self.threads, plan)?)?;
             return Ok(Planned::Plan(made(plan)));
         }
         let (answer, answers) = channel();
         let answers = Mutex::new(answers);
         let work = move |tell: &Sender<Result<Step, Failure>>| {
-            let will_do = |pose: &Pose| {
+            let will_do = |poses: &[Pose]| {
                 let answers = answers.lock().unwrap_or_else(PoisonError::into_inner);
                 // Nobody answers after an exception.
-                tell.send(Ok(Step::Asked(seven(pose)))).is_ok() && answers.recv().unwrap_or(false)
+                _ = tell.send(Ok(Step::Asked(poses.iter().map(seven).collect())));
+                answers.recv().unwrap_or_else(|_| vec![false; poses.len()])
             };
             let plan = planner.plan_with(&observation, &options, &will_do)?;
             Ok(Step::Planned(made(plan)))
@@ -241,11 +242,11 @@ enum Planned {
     Planning(Planning),
 }
 
-/// The next thing that planning tells: a grasp that it asks about, or the plan.
+/// The next thing that planning tells: grasps that it asks about, or the plan.
 #[derive(Debug, IntoPyObject)]
 #[expect(clippy::large_enum_variant, reason = "made once a call, and consumed at once")]
 enum Step {
-    Asked(Seven),
+    Asked(Vec<Seven>),
     Planned(Plan),
 }
 
@@ -254,13 +255,13 @@ enum Step {
 #[derive(Debug)]
 pub(crate) struct Planning {
     steps: Apart<Step>,
-    answer: Option<Sender<bool>>,
+    answer: Option<Sender<Vec<bool>>>,
 }
 
 #[pymethods]
 impl Planning {
-    /// Whether the grasp that it asked about will do; then the next one, or the plan.
-    fn next(&mut self, py: Python<'_>, will_do: Option<bool>) -> PyResult<Step> {
+    /// Whether each of the grasps that it asked about will do; then the next ones, or the plan.
+    fn next(&mut self, py: Python<'_>, will_do: Option<Vec<bool>>) -> PyResult<Step> {
         // A plan that failed tells so below.
         _ = will_do.and_then(|will_do| self.answer.as_ref()?.send(will_do).ok());
         self.steps.next(py)

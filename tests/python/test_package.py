@@ -421,6 +421,20 @@ def test_a_function_says_which_grasps_will_do(planner, scene):
             planner.plan(image, camera, accept=limit)
     with pytest.raises(graspmill.InputError, match="accept must be a function"):
         planner.plan(image, camera, accept=3)
+    # All of a search at once gives the same plan, in few calls.
+    counts = []
+
+    def batch(poses):
+        counts.append(len(poses))
+        return poses[:, 2, 2] < -0.95
+
+    assert planner.plan(image, camera, accept_batch=batch).to_json() == plan.to_json()
+    assert sum(counts) == len(asked) and len(counts) < 10
+    for wrong, match in ((lambda poses: poses, "must be bool"), (lambda poses: [True], "must be bool"), (3, "a function of poses")):
+        with pytest.raises(graspmill.InputError, match=match):
+            planner.plan(image, camera, accept_batch=wrong)
+    with pytest.raises(graspmill.InputError, match="must not both be given"):
+        planner.plan(image, camera, accept=accept, accept_batch=batch)
     # It may use the package itself, from two threads at once.
     plans = []
     held = lambda pose: bool(graspmill.execute(scene, pose[None]).held[0])  # noqa: E731
