@@ -1,6 +1,7 @@
 """The examples of python/examples, run as a user runs them, with the wheel that is installed."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -50,6 +51,14 @@ def test_mujoco_lifts_what_was_planned(tmp_path):
     pytest.importorskip("mujoco")
     told = [run(tmp_path, "mujoco_loop.py", str(seed)) for seed in (2, 3)]
     assert all("0 of 4 objects left" in said for said in told), told
+
+
+def test_an_arm_reaches_what_was_planned_for_it(tmp_path):
+    pytest.importorskip("mujoco")
+    said = run(tmp_path, "reachable.py")
+    asked, reached = map(int, re.search(r"about (\d+) hands; (\d+) are in reach", said).groups())
+    in_reach, planned = map(int, re.search(r"(\d+) of (\d+) grasps are in reach", said).groups())
+    assert 0 < reached < asked and in_reach == planned > 3
 
 
 @pytest.mark.parametrize("name", notebooks.MADE)
