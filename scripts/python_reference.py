@@ -80,8 +80,9 @@ def page(module_name: str, names: list[str]) -> str:
 
 def main() -> None:
     package = importlib.import_module("graspmill")
-    torch = importlib.import_module("graspmill.torch")
-    print("\n\n".join([HEAD.strip(), page("graspmill", package.__all__), page("graspmill.torch", torch.__all__)]))
+    parts = ["graspmill.descriptions", "graspmill.torch"]
+    pages = [page(name, importlib.import_module(name).__all__) for name in parts]
+    print("\n\n".join([HEAD.strip(), page("graspmill", package.__all__), *pages]))
 
 
 if __name__ == "__main__":

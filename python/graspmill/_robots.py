@@ -1,0 +1,304 @@
+"""Descriptions of robots, URDF and MJCF, by MuJoCo: which link carries which, how joints move them, and their shapes."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _arrays
+from .errors import InputError
+
+Floats = NDArray[np.float64]
+
+#: Independent joints of a hand, each of which is tried at both of its limits.
+JOINTS_MAX = 8
+#: Seconds for which the actuators of a linkage move it.
+DRIVEN_S = 3.0
+
+
+def _mujoco() -> Any:
+    try:
+        import mujoco  # type: ignore[import-untyped, import-not-found, unused-ignore]
+    except ImportError as error:
+        raise InputError("a description needs MuJoCo: pip install mujoco") from error
+    return mujoco
+
+
+def _mesh(name: str, folder: Path) -> Path:
+    """The file that a URDF names. A package is looked for in the folders above."""
+    if not name.startswith("package://"):
+        return folder / name.removeprefix("file://")
+    inside = Path(name.removeprefix("package://"))
+    ways = [inside, Path(*inside.parts[1:])]
+    places = [above / way for above in [folder, *folder.resolve().parents] for way in ways]
+    return next((place for place in places if place.is_file()), folder / ways[1])
+
+
+def _urdf(path: Path) -> tuple[Any, dict[str, tuple[str, float, float]]]:
+    """A model of a URDF's collision shapes, and its mimic joints: master, factor and offset."""
+    try:
+        robot = ET.parse(path).getroot()
+    except ET.ParseError as error:
+        raise InputError(f"{path} must be a URDF, got {error}") from error
+    if robot.tag != "robot":
+        raise InputError(f"{path} must be a URDF whose outermost element is robot, got {robot.tag}")
+    for old in robot.findall("mujoco"):
+        robot.remove(old)
+    options = ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler")
+    options.attrib |= {"fusestatic": "false", "boundmass": "1e-3", "boundinertia": "1e-6", "strippath": "false"}
+    assets: dict[str, bytes] = {}
+    for link in robot.findall("link"):
+        kind = "collision" if link.find("collision") is not None else "visual"
+        for shape in [*link.findall("inertial"), *link.findall("visual" if kind == "collision" else "collision")]:
+            link.remove(shape)
+        for shape in link.findall(kind):
+            shape.tag = "collision"
+        for mesh in link.iter("mesh"):
+            file = _mesh(mesh.get("filename", ""), path.parent)
+            ending = file.suffix.lower()
+            if ending not in (".stl", ".obj", ".dae"):
+                raise InputError(f"the mesh of link {link.get('name')} must be STL, OBJ or DAE: {file}")
+            try:
+                data = file.read_bytes()
+                data = _stl(_collada(data)) if ending == ".dae" else data
+            except (OSError, ET.ParseError, KeyError, ValueError) as error:
+                raise InputError(f"the mesh of link {link.get('name')} cannot be read: {file}: {error}") from error
+            name = f"{len(assets)}{'.stl' if ending == '.dae' else ending}"
+            assets[name] = data
+            mesh.set("filename", name)
+    mimics = {}
+    for joint in robot.findall("joint"):
+        for again in joint.findall("limit")[1:]:  # MuJoCo refuses what ROS reads
+            joint.remove(again)
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            factor, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+            mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
+            joint.remove(mimic)
+    return _compiled(path, ET.tostring(robot, encoding="unicode"), assets), mimics
+
+
+def _collada(data: bytes) -> Floats:
+    """The triangles of a COLLADA file, [N, 3, 3] in metres, its z up."""
+    root = ET.fromstring(data)
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    by_id = {element.get("id"): element for element in root.iter() if element.get("id")}
+
+    def of(reference: str | None) -> ET.Element:
+        return by_id[(reference or "").removeprefix("#")]
+
+    def text(element: ET.Element | None) -> list[str]:
+        return [] if element is None or element.text is None else element.text.split()
+
+    def corners(mesh: ET.Element) -> Floats:
+        found = []
+        for kind in ("triangles", "polylist"):
+            for part in mesh.findall(kind):
+                inputs = {one.get("semantic"): one for one in part.findall("input")}
+                vertices = of(inputs["VERTEX"].get("source"))
+                source = of(next(one for one in vertices.findall("input") if one.get("semantic") == "POSITION").get("source"))
+                points = np.array(text(source.find("float_array")), float).reshape(-1, 3)
+                stride = 1 + max(int(one.get("offset", "0")) for one in part.findall("input"))
+                numbers = np.array(text(part.find("p")), int).reshape(-1, stride)[:, int(inputs["VERTEX"].get("offset", "0"))]
+                sizes = np.array(text(part.find("vcount")), int) if kind == "polylist" else np.full(len(numbers) // 3, 3)
+                starts = np.cumsum(sizes) - sizes
+                fans = [(start, start + at, start + at + 1) for start, size in zip(starts, sizes) for at in range(1, size - 1)]
+                found.append(points[numbers[np.array(fans, int).reshape(-1, 3)]])
+        return np.concatenate(found) if found else np.empty((0, 3, 3))
+
+    def placed(node: ET.Element, above: Floats) -> list[Floats]:
+        here = above
+        for step in node:
+            values = np.array(text(step), float) if step.tag in ("matrix", "translate", "scale", "rotate") else np.empty(0)
+            move = np.eye(4)
+            if step.tag == "matrix":
+                move = values.reshape(4, 4)
+            elif step.tag == "translate":
+                move[:3, 3] = values
+            elif step.tag == "scale":
+                move[:3, :3] = np.diag(values)
+            elif step.tag == "rotate":
+                half = np.radians(values[3]) / 2
+                move = _arrays.matrices([[0, 0, 0, *(values[:3] / np.linalg.norm(values[:3]) * np.sin(half)), np.cos(half)]])[0]
+            here = here @ move
+        meshes = [of(one.get("url")).find("mesh") for one in node.findall("instance_geometry")]
+        own = [corners(mesh) @ here[:3, :3].T + here[:3, 3] for mesh in meshes if mesh is not None]
+        return own + [part for child in node.findall("node") for part in placed(child, here)]
+
+    unit, up = root.find("asset/unit"), root.findtext("asset/up_axis", "Y_UP")
+    whole = np.eye(4) * (1.0 if unit is None else float(unit.get("meter", "1")))
+    if up == "Y_UP":
+        whole = whole @ np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    parts = [part for scene in root.iter("visual_scene") for node in scene.findall("node") for part in placed(node, whole)]
+    if not parts:
+        raise ValueError("it must have a scene with triangles")
+    return np.concatenate(parts)
+
+
+def _stl(triangles: Floats) -> bytes:
+    rows = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+    rows["corners"] = triangles
+    return bytes(80) + struct.pack("<I", len(rows)) + rows.tobytes()
+
+
+def _compiled(path: Path, text: str | None, assets: dict[str, bytes] | None) -> Any:
+    mujoco = _mujoco()
+    try:
+        spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text, assets=assets)
+        for mesh in spec.meshes:
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # also of thin ones
+        return spec.compile()
+    except (ValueError, OSError) as error:
+        raise InputError(f"{path} cannot be read: {error}") from error
+
+
+class Hand:
+    """A compiled description, and which of its shapes belong to which finger."""
+
+    def __init__(self, path: Path, fingers: tuple[str, str], flange: str | None) -> None:
+        self.mujoco, self.path = _mujoco(), path
+        is_urdf = path.suffix.lower() == ".urdf"
+        self.model, self.mimics = _urdf(path) if is_urdf else (_compiled(path, None, None), {})
+        self.data = self.mujoco.MjData(self.model)
+        self.mujoco.mj_kinematics(self.model, self.data)
+        self.fingers = [self.body(name) for name in fingers]
+        self.flange = None if flange is None else self.body(flange)
+        ways = [self.way(body) for body in self.fingers]
+        if self.fingers[0] in ways[1] or self.fingers[1] in ways[0]:
+            raise InputError(f"fingers must be two links that move apart, got {fingers[0]} and {fingers[1]}, of which one carries the other")
+        self.palm = next(body for body in ways[0] if body in ways[1])
+        self.root = self.fixed_to(self.palm)
+        hand = [body for body in range(self.model.nbody) if self.root in self.way(body)]
+        self.joints = [joint for joint in range(self.model.njnt) if self.model.jnt_bodyid[joint] in hand and self.model.jnt_bodyid[joint] != self.root]
+        for name, way in zip(fingers, ways):
+            if not any(self.model.jnt_bodyid[joint] in way for joint in self.joints):
+                raise InputError(f"no joint moves {name} against the palm {self.name(self.root)}: {path}")
+        self.geoms = [geom for geom in range(self.model.ngeom) if self.model.geom_bodyid[geom] in hand]
+        colliding = [geom for geom in self.geoms if self.model.geom_contype[geom] | self.model.geom_conaffinity[geom]]
+        self.geoms = colliding or self.geoms
+        self.sides = [self._side(ways, self.model.geom_bodyid[geom]) for geom in self.geoms]
+        for name, side in zip(fingers, (0, 1)):
+            if side not in self.sides:
+                raise InputError(f"{name} must have a shape, and none of its links has: {path}")
+
+    def body(self, name: str) -> int:
+        names = [self.name(body) for body in range(self.model.nbody)]
+        if name not in names:
+            raise InputError(f"no link is called {_arrays.shown(name)}; there are {', '.join(names[1:])}: {self.path}")
+        return names.index(name)
+
+    def name(self, body: int) -> str:
+        return str(self.model.body(body).name)
+
+    def way(self, body: int) -> list[int]:
+        """A body and all that carry it, up to the world."""
+        way = [body]
+        while way[-1]:
+            way.append(int(self.model.body_parentid[way[-1]]))
+        return way
+
+    def fixed_to(self, body: int) -> int:
+        """The first of the bodies that are fixed to each other, but the world."""
+        while body and self.model.body_parentid[body] and not self.model.body_jntnum[body]:
+            body = int(self.model.body_parentid[body])
+        return body
+
+    def _side(self, ways: list[list[int]], body: int) -> int | None:
+        """The finger that a body belongs to: what its link carries."""
+        return next((side for side in (0, 1) if self.fingers[side] in self.way(body)), None)
+
+    def moves(self, body: int) -> bool:
+        return any(self.model.jnt_bodyid[joint] in self.way(body) for joint in self.joints)
+
+    def must_have_no_other_finger(self, are_near: list[bool]) -> None:
+        """Refuses a hand of which another part moves beside the tips; what carries a finger is its own."""
+        own = {body for finger in self.fingers for body in self.way(finger)}
+        for geom, side, is_near in zip(self.geoms, self.sides, are_near):
+            body = int(self.model.geom_bodyid[geom])
+            if is_near and side is None and body not in own and self.moves(body):
+                raise InputError(f"a hand must have two fingers, and {self.name(body)} moves beside their tips, too: {self.path}")
+
+    def states(self) -> list[Floats]:
+        """Positions of all joints that are tried: as the description has them, and at their limits."""
+        model, mujoco = self.model, self.mujoco
+        states = [self.data.qpos.copy()]
+        equal = {}
+        loops = {int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)}
+        if loops & {int(kind) for kind in model.eq_type}:
+            return states + self._driven()
+        for number in range(model.neq):
+            if model.eq_type[number] == mujoco.mjtEq.mjEQ_JOINT and model.eq_obj2id[number] >= 0:
+                equal[int(model.eq_obj1id[number])] = (int(model.eq_obj2id[number]), model.eq_data[number, :5])
+        for name, (leader, factor, offset) in self.mimics.items():
+            try:
+                equal[int(model.joint(name).id)] = (int(model.joint(leader).id), np.array([offset, factor, 0, 0, 0]))
+            except KeyError as error:
+                raise InputError(f"joint {name} mimics {leader}, which is no joint that moves: {self.path}") from error
+        free = [joint for joint in self.joints if joint not in equal]
+        if not free or len(free) > JOINTS_MAX:
+            raise InputError(f"a hand must have 1 to {JOINTS_MAX} joints that mimic no other, got {len(free)}: {self.path}")
+        for joint in free:
+            if not model.jnt_limited[joint]:
+                raise InputError(f"joint {model.joint(joint).name} must have limits: {self.path}")
+        for ends in itertools.product((0, 1), repeat=len(free)):
+            state = self.data.qpos.copy()
+            for one, end in zip(free, ends):
+                state[model.jnt_qposadr[one]] = model.jnt_range[one, end]
+            for _ in equal:  # a mimic may mimic a mimic
+                for follower, (master, factors) in equal.items():
+                    state[model.jnt_qposadr[follower]] = np.polynomial.Polynomial(factors)(state[model.jnt_qposadr[master]])
+            states.append(state)
+        return states
+
+    def _driven(self) -> list[Floats]:
+        """The joints of a linkage that closes on itself: where its actuators bring it, without gravity or contacts."""
+        model, states = self.model, []
+        model.opt.gravity[:] = 0.0
+        model.opt.disableflags |= int(self.mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        for end in (0, 1):
+            data = self.mujoco.MjData(model)
+            limited = model.actuator_ctrllimited.astype(bool)
+            data.ctrl[limited] = model.actuator_ctrlrange[limited, end]
+            for _ in range(int(DRIVEN_S / model.opt.timestep)):
+                self.mujoco.mj_step(model, data)
+            states.append(data.qpos.copy())
+        return states
+
+    def shapes(self, state: Floats) -> list[Floats]:
+        """The triangles of each shape, [N, 3, 3], in the world, with the joints so."""
+        self.data.qpos[:] = state
+        self.mujoco.mj_kinematics(self.model, self.data)
+        return [self._triangles(geom) for geom in self.geoms]
+
+    def _triangles(self, geom: int) -> Floats:
+        model, kinds = self.model, self.mujoco.mjtGeom
+        kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
+        if kind == kinds.mjGEOM_MESH:
+            mesh = model.geom_dataid[geom]
+            corners = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
+            faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
+        elif kind == kinds.mjGEOM_BOX:
+            corners, faces = _box(size)
+        elif kind in (kinds.mjGEOM_SPHERE, kinds.mjGEOM_ELLIPSOID):
+            corners, faces = _box(size if kind == kinds.mjGEOM_ELLIPSOID else size[[0, 0, 0]])
+        elif kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_CAPSULE):
+            ends = size[1] + (size[0] if kind == kinds.mjGEOM_CAPSULE else 0.0)
+            corners, faces = _box(np.array([size[0], size[0], ends]))
+        else:
+            raise InputError(f"a shape must be a mesh, box, cylinder, sphere, capsule or ellipsoid: geom {geom} of {self.path}")
+        placed = corners @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
+        triangles: Floats = placed[faces]
+        return triangles
+
+
+def _box(half: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    corners = np.array(list(itertools.product(*[(-x, x) for x in half])))
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return corners, np.array([[a, b, c] for a, b, c, _ in sides] + [[a, c, d] for a, _, c, d in sides])

@@ -1,0 +1,335 @@
+"""Grippers from the descriptions of their makers: boxes around the collision geometry of a URDF or MJCF (needs MuJoCo).
+
+    python -m graspmill.descriptions hand.urdf --fingers left_finger,right_finger --picture hand.svg
+    python -m graspmill.descriptions hand.urdf --fingers left,right --out hand.toml --force 40 --speed 0.05 --mass 0.06
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Sequence
+
+import numpy as np
+
+from . import _arrays, _native
+from ._robots import Floats, Hand
+from .errors import GraspmillError, InputError
+from .grippers import Gripper
+
+__all__ = ["HandBoxes", "from_description", "picture"]
+
+#: The last part of a finger, of which the jaws' distance is measured.
+PAD_M = 0.015
+#: Where fingers end and the palm begins is a choice. The boxes have the least volume, of which each part counts half as
+#: much for so much more behind the tips: there are fewer things that it could hit.
+HALF_M = 0.010
+#: Nothing reaches further into the room between the fingers.
+BETWEEN_M = 0.0005
+STEP_M = 0.0005
+
+_LENGTHS = ("opening_m_max", "finger_length_m", "finger_width_m", "finger_thickness_m", "palm_length_m", "palm_width_m", "palm_breadth_m")
+
+
+@dataclass(frozen=True, eq=False)
+class HandBoxes:
+    """The three boxes of a gripper around the geometry of a description, open. Lengths as in :class:`Gripper`.
+
+    Attributes:
+        path: The description.
+        opening_m_max: Distance of the inner faces.
+        opening_m_min: The same with the joints at their other limit.
+        finger_length_m: Along z.
+        finger_width_m: Along x.
+        finger_thickness_m: Along y.
+        palm_length_m: Along z.
+        palm_width_m: Along x.
+        palm_breadth_m: Along y.
+        flange_from_grasp: ``[4, 4]``, the grasp frame in the frame of the link ``flange``; ``None`` if it is not known.
+        boxes_m3: Volume of the boxes.
+        meshes_m3: Volume of the geometry, parts that overlap counted twice.
+        parts: Of each shape its corners in the grasp frame, ``[N, 3]``, and whether it belongs to a finger.
+    """
+
+    path: Path
+    opening_m_max: float
+    opening_m_min: float
+    finger_length_m: float
+    finger_width_m: float
+    finger_thickness_m: float
+    palm_length_m: float
+    palm_width_m: float
+    palm_breadth_m: float
+    flange_from_grasp: Floats | None
+    boxes_m3: float
+    meshes_m3: float
+    parts: list[tuple[Floats, bool]]
+
+    def gripper(
+        self,
+        name: str,
+        *,
+        finger_mass_kg: float,
+        finger_force_n: float,
+        closing_speed_m_s: float,
+        friction: float = 1.0,
+        clearance_m: float = 0.001,
+    ) -> Gripper:
+        """The gripper, with what a description does not tell: see :class:`Gripper`."""
+        return Gripper(
+            name=name,
+            **{key: getattr(self, key) for key in _LENGTHS},
+            finger_mass_kg=finger_mass_kg,
+            finger_force_n=finger_force_n,
+            closing_speed_m_s=closing_speed_m_s,
+            friction=friction,
+            clearance_m=clearance_m,
+            flange_from_grasp=self.flange_from_grasp,
+        )
+
+
+def _cut(triangles: Floats, z: float) -> Floats:
+    """The corners of what of triangles is above a height, [N, 3]."""
+    above = triangles[:, :, 2] >= z
+    points = [triangles[above]]
+    for corner in range(3):
+        start, end = triangles[:, corner], triangles[:, (corner + 1) % 3]
+        crosses = above[:, corner] != above[:, (corner + 1) % 3]
+        start, end = start[crosses], end[crosses]
+        points.append(start + (end - start) * ((z - start[:, 2]) / (end[:, 2] - start[:, 2]))[:, None])
+    return np.concatenate(points)
+
+
+def _volume(triangles: Floats) -> float:
+    return float(abs(np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])).sum() / 6))
+
+
+def _along(axes: Floats, direction: Floats) -> Floats:
+    """The axis of a frame that is nearest to a direction, with its sign."""
+    nearest = int(np.abs(axes.T @ direction).argmax())
+    axis: Floats = axes[:, nearest] * np.sign(axes[:, nearest] @ direction)
+    return axis
+
+
+def _middle(triangles: Floats) -> Floats:
+    points = triangles.reshape(-1, 3)
+    middle: Floats = (points.max(axis=0) + points.min(axis=0)) / 2
+    return middle
+
+
+def _frame(hand: Hand, shapes: list[Floats]) -> tuple[Floats, Floats]:
+    """The grasp frame in the world: a rotation, whose columns are its axes, and the origin between the tips."""
+    axes = hand.data.xmat[hand.palm].reshape(3, 3)
+    sides = [np.concatenate([shape for shape, of in zip(shapes, hand.sides) if of == side]) for side in (0, 1)]
+    still = [shape for shape, geom in zip(shapes, hand.geoms) if not hand.moves(hand.model.geom_bodyid[geom])]
+    palm = _middle(np.concatenate(still)) if still else hand.data.xpos[hand.root]
+    y = _along(axes, _middle(sides[1]) - _middle(sides[0]))
+    towards = (_middle(sides[0]) + _middle(sides[1])) / 2 - palm
+    z = _along(axes, towards - y * (y @ towards))
+    x = np.cross(y, z)
+    turn = np.stack([x, y, z], axis=1)
+    local = [side.reshape(-1, 3) @ turn for side in sides]
+    both = np.concatenate(local)
+    tip = min(side[:, 2].max() for side in local)
+    near = [side[side[:, 2] > tip - PAD_M] for side in local]
+    first, second = sorted(near, key=lambda side: float(side[:, 1].mean()))
+    origin = np.array([(both[:, 0].max() + both[:, 0].min()) / 2, (first[:, 1].max() + second[:, 1].min()) / 2, both[:, 2].max()])
+    return turn, turn @ origin
+
+
+def _opening(hand: Hand, shapes: list[Floats]) -> float:
+    """The distance of the jaws' inner faces at the pads; negative where they overlap."""
+    turn, origin = _frame(hand, shapes)
+    inner = []
+    for side in (0, 1):
+        points = _cut(np.concatenate([(shape - origin) @ turn for shape, of in zip(shapes, hand.sides) if of == side]), -PAD_M)
+        if not len(points):  # one finger is far behind the other
+            return -np.inf
+        sign = np.sign(points[:, 1].mean())
+        inner.append(float((points[:, 1] * sign).min()))
+    return 2 * min(inner)
+
+
+def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, flange: str | None = None) -> HandBoxes:
+    """Fits the three boxes of a gripper around the collision geometry of a description, with the jaws opened as far as its joints
+    allow. Nothing of the geometry is outside the boxes. Where no shape collides, all count.
+
+    Args:
+        path: A URDF (its name ends in .urdf; expand xacro files before) or an MJCF file, of the hand or of a whole robot.
+        fingers: The names of the two links, or bodies, that touch the object; +y of the grasp frame is from the first to the second.
+        flange: The link whose frame is the robot's flange. By default the description's origin, if the hand stands fixed there.
+
+    Raises:
+        InputError: If MuJoCo is missing, or the description has no such hand; the message names the link, the joint or the file.
+    """
+    if isinstance(fingers, str) or len(fingers) != 2:
+        count = 1 if isinstance(fingers, str) else len(fingers)
+        raise InputError(f"fingers must be two links, got {count}: graspmill has parallel jaws only")
+    hand = Hand(Path(_arrays.path("path", path)), (fingers[0], fingers[1]), flange)
+    states = hand.states()
+    openings = [_opening(hand, hand.shapes(state)) for state in states]
+    opening = max(openings)
+    if opening < 0.001:
+        raise InputError(f"the jaws {fingers[0]} and {fingers[1]} must open, and are {1e3 * opening:.1f} mm apart at best: {hand.path}")
+    shapes = hand.shapes(states[openings.index(opening)])
+    turn, origin = _frame(hand, shapes)
+    local = [(shape - origin) @ turn for shape in shapes]
+    hand.must_have_no_other_finger([float(shape[..., 2].max()) > -PAD_M for shape in local])
+    everything = np.concatenate(local)
+    length = _finger_length(everything, opening)
+    (width, thickness), palm = _boxes(everything, opening, length)
+    sizes = dict(zip(_LENGTHS, (opening, length, width, thickness, *palm)))
+    # Outwards to tenths of a millimetre.
+    outwards = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
+    fingers_m3 = 2 * outwards["finger_length_m"] * outwards["finger_width_m"] * outwards["finger_thickness_m"]
+    return HandBoxes(
+        path=hand.path,
+        **outwards,
+        opening_m_min=max(0.0, min(value for value in openings if np.isfinite(value))),
+        flange_from_grasp=_flange(hand, turn, origin),
+        boxes_m3=fingers_m3 + outwards["palm_length_m"] * outwards["palm_width_m"] * outwards["palm_breadth_m"],
+        meshes_m3=sum(_volume(shape) for shape in local),
+        parts=[(shape.reshape(-1, 3), side is not None) for shape, side in zip(local, hand.sides)],
+    )
+
+
+def _boxes(everything: Floats, opening: float, length: float) -> tuple[tuple[float, float], tuple[float, float, float]]:
+    """Of fingers of a length the width and the thickness, and of the palm behind them the lengths along z, x and y."""
+    front, back = np.abs(_cut(everything, -length)), _cut(everything * [1, 1, -1], length)
+    finger = 2 * front[:, 0].max(), front[:, 1].max() - opening / 2
+    return finger, (back[:, 2].max() - length, 2 * np.abs(back[:, 0]).max(), 2 * np.abs(back[:, 1]).max())
+
+
+def _finger_length(everything: Floats, opening: float) -> float:
+    """The length of the fingers, as the constants above have it."""
+    deepest, best = -float(everything[..., 2].min()), (np.inf, 0.0)
+    for length in np.arange(PAD_M, deepest, STEP_M):
+        if np.abs(_cut(everything, -length)[:, 1]).min() < opening / 2 - BETWEEN_M:
+            break
+        (width, thickness), (_, palm_width, palm_breadth) = _boxes(everything, opening, length)
+        behind = 0.5 ** (length / HALF_M)
+        best = min(best, (2 * width * thickness * (1 - behind) + palm_width * palm_breadth * behind, float(length)))
+    if not best[1]:
+        raise InputError(f"the jaws must be free of other parts over {1e3 * PAD_M:.0f} mm from the tips")
+    return best[1]
+
+
+def _flange(hand: Hand, turn: Floats, origin: Floats) -> Floats | None:
+    world_from_grasp = np.eye(4)
+    world_from_grasp[:3, :3], world_from_grasp[:3, 3] = turn, origin
+    world_from_flange = np.eye(4)
+    if hand.flange is not None:
+        world_from_flange[:3, :3], world_from_flange[:3, 3] = hand.data.xmat[hand.flange].reshape(3, 3), hand.data.xpos[hand.flange]
+    elif any(hand.model.body_jntnum[body] for body in hand.way(hand.root)):
+        return None
+    return np.linalg.inv(world_from_flange) @ world_from_grasp
+
+
+def _outline(points: Floats) -> Floats:
+    """The convex outline of points in a plane, [N, 2] (Andrew's monotone chain)."""
+    rows = np.unique(np.round(points, 5), axis=0)
+    halves = []
+    for order in (rows, rows[::-1]):
+        half: list[Any] = []
+        for point in order:
+            while len(half) > 1 and _turn(half[-2], half[-1], point) <= 0:
+                half.pop()
+            half.append(point)
+        halves += half[:-1]
+    return np.array(halves)
+
+
+def _turn(a: Floats, b: Floats, c: Floats) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def picture(boxes: HandBoxes) -> str:
+    """An SVG of the outlines of all shapes (fingers darker), and the boxes in red, seen along x and along y; in millimetres."""
+    half, length = boxes.opening_m_max / 2, boxes.finger_length_m
+    back = length + boxes.palm_length_m
+    views = []
+    for axis, width, palm, jaws in (
+        (1, boxes.finger_thickness_m, boxes.palm_breadth_m, (half, -half - boxes.finger_thickness_m)),
+        (0, boxes.finger_width_m, boxes.palm_width_m, (-boxes.finger_width_m / 2,)),
+    ):
+        rows = [(points, is_finger) for points, is_finger in boxes.parts if len(points) > 2]
+        shapes = [
+            f'<polygon points="{" ".join(f"{1e3 * u:.1f},{1e3 * v:.1f}" for u, v in _outline(points[:, [axis, 2]]))}"'
+            f' fill="{"#68a" if is_finger else "#bcd"}" fill-opacity="0.6"/>'
+            for points, is_finger in sorted(rows, key=lambda row: row[1])
+        ]
+        rects = [(left, -length, width, length) for left in jaws] + [(-palm / 2, -back, palm, boxes.palm_length_m)]
+        shapes += [
+            f'<rect x="{1e3 * x:.1f}" y="{1e3 * y:.1f}" width="{1e3 * w:.1f}" height="{1e3 * h:.1f}" fill="none" stroke="#c00" stroke-width="0.6"/>'
+            for x, y, w, h in rects
+        ]
+        views.append((shapes, max(palm, boxes.opening_m_max + 2 * boxes.finger_thickness_m if axis else width)))
+    widths = [1e3 * width + 10 for _, width in views]
+    height = 1e3 * back + 22
+    text = _said(boxes).splitlines()[-1].strip()
+    groups = "".join(
+        f'<g transform="translate({sum(widths[:number]) + widths[number] / 2:.1f},{1e3 * back + 5:.1f})">{"".join(shapes)}</g>'
+        for number, (shapes, _) in enumerate(views)
+    )
+    size = f'viewBox="0 0 {sum(widths):.1f} {height:.1f}" width="{3 * sum(widths):.0f}" height="{3 * height:.0f}"'
+    label = f'<text x="3" y="{height - 4:.1f}" font-size="5" font-family="sans-serif">{text}</text>'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}><rect width="100%" height="100%" fill="#fff"/>{groups}{label}</svg>\n'
+
+
+def _said(boxes: HandBoxes) -> str:
+    lines = [f"{field.name:<20}{1e3 * getattr(boxes, field.name):>8.1f} mm" for field in fields(boxes) if field.type == "float" and "_m3" not in field.name]
+    if boxes.flange_from_grasp is None:
+        lines.append("flange_from_grasp   not known: give --flange")
+    else:
+        lines.append("flange_from_grasp   " + ", ".join(f"{1e3 * part:.1f}" for part in boxes.flange_from_grasp[:3, 3]) + " mm")
+    share = boxes.boxes_m3 / boxes.meshes_m3 if boxes.meshes_m3 > 0 else np.inf
+    lines.append(f"boxes {1e6 * boxes.boxes_m3:.0f} cm3, shapes {1e6 * boxes.meshes_m3:.0f} cm3: {share:.1f} times as much")
+    return "\n".join(lines)
+
+
+def _toml(gripper: Gripper, boxes: HandBoxes) -> str:
+    lines = [f"# Boxes around the collision geometry of {boxes.path.name}. Compare them with the real hand."]
+    for field in fields(gripper):
+        value = getattr(gripper, field.name)
+        if field.name == "flange_from_grasp":
+            if value is not None:
+                *position, x, y, z, w = (round(part, 6) for part in _arrays.pose(field.name, value))
+                lines.append(f"{field.name} = {{ position_m = {position}, quaternion_xyzw = {[x, y, z, w]} }}")
+        else:
+            lines.append(f'{field.name} = "{value}"' if field.name == "name" else f"{field.name} = {value!r}")
+    return "\n".join(lines) + "\n"
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """The command; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="graspmill.descriptions", description="Fits a gripper's boxes to a URDF or MJCF.")
+    parser.add_argument("path", help="the description: a URDF (.urdf) or an MJCF file")
+    parser.add_argument("--fingers", required=True, metavar="LINK,LINK", help="the two links that touch the object")
+    parser.add_argument("--flange", metavar="LINK", help="the link whose frame is the robot's flange")
+    parser.add_argument("--picture", metavar="SVG", help="draw the shapes and the boxes around them")
+    parser.add_argument("--out", metavar="TOML", help="write a gripper file; needs --mass, --force and --speed")
+    for name, what in (("mass", "kg that move with a finger"), ("force", "newtons of one finger"), ("speed", "metres per second of one finger")):
+        parser.add_argument(f"--{name}", type=float, help=what)
+    given = parser.parse_args(words)
+    try:
+        boxes = from_description(given.path, given.fingers.split(","), flange=given.flange)
+        print(_said(boxes))
+        if given.picture:
+            _native.publish(given.picture, picture(boxes))
+        if given.out:
+            if None in (given.mass, given.force, given.speed):
+                raise InputError("--out needs --mass, --force and --speed, which no description tells")
+            name = Path(given.out).stem
+            gripper = boxes.gripper(name, finger_mass_kg=given.mass, finger_force_n=given.force, closing_speed_m_s=given.speed)
+            _native.publish(given.out, _toml(gripper, boxes))
+    except GraspmillError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,186 @@
+"""Grippers from their descriptions: boxes of a URDF and an MJCF that are written here, whose sizes are known."""
+
+import struct
+import subprocess
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+
+graspmill = pytest.importorskip("graspmill", reason="the package is not installed")
+pytest.importorskip("mujoco")
+
+from graspmill.descriptions import from_description, main, picture  # noqa: E402
+
+FINGERS = ("left", "right")
+#: Jaws of 10 x 8 x 40 mm, whose inner faces are 2 to 62 mm apart, on a palm of 40 x 120 x 60 mm.
+URDF = """<robot name="hand"><link name="base">{palm}</link>
+<link name="left">{jaw}</link><link name="right">{jaw}</link>{more}
+<joint name="drive" type="prismatic"><parent link="base"/><child link="left"/><origin xyz="0 0.005 0.06"/><axis xyz="0 1 0"/>
+  <limit lower="0" upper="0.03" effort="10" velocity="0.1"/></joint>
+<joint name="follow" type="{kind}"><parent link="base"/><child link="right"/><origin xyz="0 -0.005 0.06"/><axis xyz="0 1 0"/>
+  <limit lower="-0.03" upper="0.03" effort="10" velocity="0.1"/>{mimic}</joint></robot>"""
+MIMIC = '<mimic joint="drive" multiplier="-1"/>'
+PALM, JAW = np.array([0.04, 0.12, 0.06]), np.array([0.01, 0.008, 0.04])
+
+
+def shape(size, at):
+    xyz = " ".join(str(part) for part in at)
+    return f'<collision><origin xyz="{xyz}"/><geometry><box size="{" ".join(map(str, size))}"/></geometry></collision>'
+
+
+def mesh(name, at):
+    return f'<collision><origin xyz="{" ".join(map(str, at))}"/><geometry><mesh filename="{name}"/></geometry></collision>'
+
+
+def urdf(folder, palm=shape(PALM, (0, 0, 0.03)), jaw=shape(JAW, (0, 0, 0.02)), more="", mimic=MIMIC, kind="prismatic"):
+    path = folder / "hand.urdf"
+    path.write_text(URDF.format(palm=palm, jaw=jaw, more=more, mimic=mimic, kind=kind))
+    return path
+
+
+def box_triangles(size):
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * np.asarray(size) / 2
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return corners, [[a, b, c] for a, b, c, _ in quads] + [[a, c, d] for a, _, c, d in quads]
+
+
+def stl(size):
+    corners, faces = box_triangles(size)
+    rows = b"".join(bytes(12) + corners[face].astype("<f4").tobytes() + bytes(2) for face in faces)
+    return bytes(80) + struct.pack("<I", len(faces)) + rows
+
+
+def obj(size):
+    corners, faces = box_triangles(size)
+    return "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces)
+
+
+def collada(size):
+    """In millimetres, with y up, as many are."""
+    corners, faces = box_triangles(1e3 * np.asarray(size)[[0, 2, 1]])
+    numbers = " ".join(f"{corner} 0" for face in faces for corner in face)
+    return f"""<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"><asset><unit meter="0.001"/><up_axis>Y_UP</up_axis></asset>
+    <library_geometries><geometry id="g"><mesh><source id="s"><float_array>{" ".join(map(str, corners.ravel()))}</float_array></source>
+    <vertices id="v"><input semantic="POSITION" source="#s"/></vertices><triangles count="12"><input semantic="VERTEX" source="#v" offset="0"/>
+    <input semantic="NORMAL" source="#s" offset="1"/><p>{numbers}</p></triangles></mesh></geometry></library_geometries>
+    <library_visual_scenes><visual_scene id="w"><node><rotate>1 0 0 0</rotate><node><matrix>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix>
+    <instance_geometry url="#g"/></node></node></visual_scene></library_visual_scenes></COLLADA>"""
+
+
+def sizes(boxes):
+    fingers = [boxes.finger_length_m, boxes.finger_width_m, boxes.finger_thickness_m]
+    return [*fingers, boxes.palm_length_m, boxes.palm_width_m, boxes.palm_breadth_m]
+
+
+EXPECTED = [0.04, 0.01, 0.008, 0.06, 0.04, 0.12]
+
+
+def test_a_urdf_opens_by_its_master_joint_and_its_boxes_are_its_shapes(tmp_path):
+    boxes = from_description(urdf(tmp_path), FINGERS)
+    # Axes at 5 mm and 30 mm of stroke, less half of the thickness, twice.
+    assert np.isclose(boxes.opening_m_max, 2 * (0.005 + 0.03 - 0.004)) and np.isclose(boxes.opening_m_min, 0.002)
+    assert np.allclose(sizes(boxes), EXPECTED, atol=6e-4)
+    # +y is from the first finger to the second.
+    assert np.allclose(boxes.flange_from_grasp, [[-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 1, 0.1], [0, 0, 0, 1]], atol=1e-6)
+    assert np.allclose(from_description(boxes.path, FINGERS[::-1]).flange_from_grasp[:3, :3], np.eye(3), atol=1e-6)
+    assert np.isclose(boxes.meshes_m3, PALM.prod() + 2 * JAW.prod(), rtol=1e-6) and boxes.boxes_m3 < 1.01 * boxes.meshes_m3
+    drawn = picture(boxes)
+    assert drawn.count("<rect") == 6 and drawn.count("<polygon") == 6 and "times as much" in drawn
+    gripper = boxes.gripper("mine", finger_mass_kg=0.05, finger_force_n=20.0, closing_speed_m_s=0.1)
+    box = graspmill.Object.cuboid((0.04, 0.04, 0.05), (0.15, 0.15, 0.075, 0, 0, 0, 1))
+    down = np.diag([1.0, -1.0, -1.0, 1.0])
+    down[:3, 3] = 0.15, 0.15, 0.07
+    assert graspmill.execute(graspmill.Scene([box]), down[None], gripper=gripper).held.all()
+
+
+@pytest.mark.parametrize(("ending", "of"), [("stl", stl), ("obj", obj), ("dae", collada)])
+def test_meshes_are_followed_also_those_of_packages(tmp_path, ending, of):
+    (tmp_path / "my_hand" / "meshes").mkdir(parents=True)
+    (tmp_path / "my_hand" / "urdf").mkdir()
+    for name, size in (("palm", PALM), ("jaw", JAW)):
+        data = of(size)
+        (tmp_path / "my_hand" / "meshes" / f"{name}.{ending}").write_bytes(data if isinstance(data, bytes) else data.encode())
+    path = urdf(
+        tmp_path / "my_hand" / "urdf",
+        palm=mesh(f"package://my_hand/meshes/palm.{ending}", (0, 0, 0.03)),
+        jaw=mesh(f"../meshes/jaw.{ending}", (0, 0, 0.02)),
+    )
+    boxes = from_description(path, FINGERS)
+    assert np.allclose(sizes(boxes), EXPECTED, atol=6e-4) and np.isclose(boxes.opening_m_max, 0.062)
+
+
+#: A four-bar finger would close on itself: here two links are tied by a point, and a motor opens the hand.
+MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="mount" pos="0 0 0.01"><geom type="box" size=".02 .06 .03" pos="0 0 .02"/>
+  <body name="left" pos="0 0.009 0.05"><joint name="l" type="slide" axis="0 1 0" range="0 0.03" damping="1"/><geom type="box" size=".005 .004 .02" pos="0 0 .02" mass=".1"/></body>
+  <body name="right" pos="0 -0.009 0.05"><joint name="r" type="slide" axis="0 -1 0" range="0 0.03" damping="1"/><geom type="box" size=".005 .004 .02" pos="0 0 .02" mass=".1"/>
+  <geom type="sphere" size=".1" contype="0" conaffinity="0"/></body>
+  <body name="bar" pos="0 0.009 0.05"><joint name="b" type="slide" axis="0 1 0" damping="1"/><geom type="box" size=".002 .002 .002" mass=".01" contype="0" conaffinity="0"/></body></body>
+  </worldbody><equality>{equality}</equality><actuator><position joint="l" kp="100" ctrlrange="0 0.03"/>{actuator}</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("equality", "actuator"),
+    [
+        ('<joint joint1="r" joint2="l"/><joint joint1="b" joint2="l"/>', ""),
+        ('<connect body1="bar" body2="left" anchor="0 0 0"/><joint joint1="r" joint2="l"/>', ""),
+    ],
+)
+def test_a_model_of_mujoco_opens_by_its_joints_or_its_motors(tmp_path, equality, actuator):
+    path = tmp_path / "hand.xml"
+    path.write_text(MJCF.format(equality=equality, actuator=actuator))
+    boxes = from_description(path, FINGERS)
+    assert abs(boxes.opening_m_max - 2 * (0.009 + 0.03 - 0.004)) < 0.0012 and abs(boxes.opening_m_min - 0.01) < 0.0012
+    assert np.allclose(sizes(boxes), EXPECTED, atol=1.2e-3)
+    assert np.allclose(boxes.flange_from_grasp[:3, 3], [0, 0, 0.1], atol=1e-3)
+    assert np.allclose(from_description(path, FINGERS, flange="mount").flange_from_grasp[:3, 3], [0, 0, 0.09], atol=1e-3)
+
+
+THIRD = f"""<link name="thumb">{shape(JAW, (0.03, 0, 0.02))}</link><joint name="third" type="prismatic"><parent link="base"/>
+  <child link="thumb"/><origin xyz="0 0 0.06"/><axis xyz="1 0 0"/><limit lower="0" upper="0.01" effort="1" velocity="1"/></joint>"""
+
+
+@pytest.mark.parametrize(
+    ("made", "fingers", "why"),
+    [
+        ({}, ("left", "thumb"), "no link is called 'thumb'; there are base, left, right"),
+        ({}, ("left",), "fingers must be two links, got 1"),
+        ({}, ("left", "right", "base"), "fingers must be two links, got 3"),
+        ({}, ("left", "base"), "of which one carries the other"),
+        ({"more": THIRD}, FINGERS, "a hand must have two fingers, and thumb moves beside their tips"),
+        ({"kind": "fixed", "mimic": ""}, FINGERS, "no joint moves right"),
+        ({"mimic": '<mimic joint="nothing"/>'}, FINGERS, "joint follow mimics nothing"),
+        ({"jaw": mesh("jaw.stl", (0, 0, 0))}, FINGERS, "the mesh of link left cannot be read"),
+        ({"jaw": mesh("jaw.ply", (0, 0, 0))}, FINGERS, "must be STL, OBJ or DAE"),
+        ({"jaw": ""}, FINGERS, "left must have a shape"),
+        ({"jaw": "<what"}, FINGERS, "must be a URDF, got"),
+    ],
+)
+def test_what_is_no_hand_is_named(tmp_path, made, fingers, why, capsys):
+    path = urdf(tmp_path, **made)
+    with pytest.raises(graspmill.InputError, match=why):
+        from_description(path, fingers)
+    assert main([str(path), "--fingers", ",".join(fingers)]) == 78
+    assert why in capsys.readouterr().err
+
+
+def test_a_hand_that_never_opens_is_named(tmp_path):
+    path = urdf(tmp_path)
+    path.write_text(path.read_text().replace("0.005 0.06", "0.0041 0.06").replace("0.03\"", "0.00001\""))
+    with pytest.raises(graspmill.InputError, match="left and right must open, and are 0.2 mm apart at best"):
+        from_description(path, FINGERS)
+
+
+def test_the_command_writes_a_file_and_a_picture(tmp_path):
+    words = [sys.executable, "-m", "graspmill.descriptions", urdf(tmp_path), "--fingers", "left,right", "--picture", "hand.svg", "--out", "mine.toml"]
+    done = subprocess.run([*words, "--mass", "0.05", "--force", "20", "--speed", "0.1"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "opening_m_max           62.0 mm" in done.stdout and "times as much" in done.stdout
+    assert (tmp_path / "hand.svg").read_text().startswith("<svg")
+    read = tomllib.loads((tmp_path / "mine.toml").read_text())
+    assert read["name"] == "mine" and np.isclose(read["opening_m_max"], 0.062) and read["finger_force_n"] == 20.0
+    loaded = graspmill.Gripper.load(tmp_path / "mine.toml")
+    assert np.isclose(loaded.finger_thickness_m, 0.008, atol=2e-4) and np.allclose(loaded.flange_from_grasp[:3, 3], [0, 0, 0.1], atol=1e-5)
+    missing = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    assert missing.returncode == 78 and "--out needs --mass, --force and --speed" in missing.stderr
