@@ -36,9 +36,16 @@ ARM = f"""<robot name="arm"><link name="base"/>
 
 
 class Arm:
-    """Reaches poses of its last link, if they are within its joints' limits."""
+    """Finds joints for poses of a link, within the joints' limits."""
 
-    def __init__(self, urdf: str, link: str) -> None:
+    def __init__(self, model: mujoco.MjModel, link: str) -> None:
+        self.model, self.data, self.body = model, mujoco.MjData(model), model.body(link).id
+        limits = model.jnt_range.copy()
+        limits[model.jnt_limited == 0] = -np.pi, np.pi
+        self.low, self.high = limits.T
+
+    @classmethod
+    def from_urdf(cls, urdf: str, link: str) -> "Arm":
         robot = ET.fromstring(urdf)
         for part in robot.findall("link"):  # its shapes are not needed, nor the files of their meshes
             for shape in [*part.findall("visual"), *part.findall("collision"), *part.findall("inertial")]:
@@ -47,29 +54,32 @@ class Arm:
             robot.remove(old)
         options = ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler")
         options.attrib |= {"fusestatic": "false", "boundmass": "1", "boundinertia": "1"}
-        self.model = mujoco.MjModel.from_xml_string(ET.tostring(robot, encoding="unicode"))
-        self.data, self.body = mujoco.MjData(self.model), self.model.body(link).id
-        limits = self.model.jnt_range.copy()
-        limits[self.model.jnt_limited == 0] = -np.pi, np.pi
-        self.low, self.high = limits.T
+        return cls(mujoco.MjModel.from_xml_string(ET.tostring(robot, encoding="unicode")), link)
 
-    def reaches(self, base_from_link: np.ndarray, starts: int = 20, steps: int = 40) -> np.ndarray:
+    def reaches(self, base_from_link: np.ndarray) -> np.ndarray:
         """Whether the joints can put the link at these poses, [N, 4, 4] -> [N] bool."""
-        reached, rng = np.zeros(len(base_from_link), bool), np.random.default_rng(0)
-        for _ in range(starts):
-            left = np.flatnonzero(~reached)
+        return np.isfinite(self.solve(base_from_link)).all(axis=1)
+
+    def solve(self, base_from_link: np.ndarray, start: np.ndarray | None = None, starts: int = 20, steps: int = 40) -> np.ndarray:
+        """The joints that put the link at these poses, [N, 4, 4] -> [N, joints]; NaN where none were found. They are sought from a
+        start, if there is one, then from random joints."""
+        found, rng = np.full((len(base_from_link), self.model.nq), np.nan), np.random.default_rng(0)
+        for attempt in range(starts):
+            left = np.flatnonzero(np.isnan(found[:, 0]))
             joints = rng.uniform(self.low, self.high, (len(left), self.model.nq))
+            if start is not None and not attempt:
+                joints[:] = start
             for _ in range(steps):
                 if not len(left):
                     break
                 off, jacobian = self.errors(joints, base_from_link[left])
                 done = (np.linalg.norm(off[:, :3], axis=1) < OFF_M_MAX) & (np.linalg.norm(off[:, 3:], axis=1) < OFF_RAD_MAX)
-                reached[left[done]] = True
+                found[left[done]] = joints[done]
                 left, joints, off, jacobian = left[~done], joints[~done], off[~done], jacobian[~done]
                 damped = jacobian @ jacobian.transpose(0, 2, 1) + 1e-4 * np.eye(6)
                 step = (jacobian.transpose(0, 2, 1) @ np.linalg.solve(damped, off[:, :, None]))[:, :, 0]
                 joints = np.clip(joints + np.clip(step, -0.5, 0.5), self.low, self.high)
-        return reached
+        return found
 
     def errors(self, joints: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is missing to the poses, [N, 6] in metres and radians, and the Jacobians, [N, 6, joints]."""
@@ -89,7 +99,7 @@ class Arm:
 
 def main() -> None:
     urdf, link = (Path(sys.argv[1]).read_text(), sys.argv[2]) if len(sys.argv) > 2 else (ARM, "flange")
-    arm, hand = Arm(urdf, link), graspmill.Gripper.load("franka_hand")
+    arm, hand = Arm.from_urdf(urdf, link), graspmill.Gripper.load("franka_hand")
     assert hand.flange_from_grasp is not None
     grasp_from_flange = np.linalg.inv(hand.flange_from_grasp)
     base_from_workspace = np.linalg.inv(WORKSPACE_FROM_BASE)

@@ -1,6 +1,7 @@
 """The examples of python/examples, run as a user runs them, with the wheel that is installed."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -59,6 +60,15 @@ def test_an_arm_reaches_what_was_planned_for_it(tmp_path):
     asked, reached = map(int, re.search(r"about (\d+) hands; (\d+) are in reach", said).groups())
     in_reach, planned = map(int, re.search(r"(\d+) of (\d+) grasps are in reach", said).groups())
     assert 0 < reached < asked and in_reach == planned > 3
+
+
+def test_the_arm_of_menagerie_is_the_users(tmp_path):
+    pytest.importorskip("mujoco")
+    done = subprocess.run([sys.executable, EXAMPLES / "mujoco_arm.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1 and "git clone" in done.stderr
+    model = os.environ.get("GRASPMILL_MENAGERIE")  # its folder; nothing is fetched here
+    if model:
+        assert "0 of 4 objects left" in run(tmp_path, "mujoco_arm.py", f"{model}/franka_emika_panda/panda.xml")
 
 
 @pytest.mark.parametrize("name", notebooks.MADE)
