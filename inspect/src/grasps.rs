@@ -13,7 +13,7 @@ use shards::{PlainColumn, plain_table, pose_columns};
 
 use program::Failure;
 
-pub use page::{grasps_index, grasps_picture, grasps_view};
+pub use page::{grasps_index, grasps_svg, grasps_view};
 
 words! {
     /// A file's form.
@@ -120,13 +120,8 @@ pub(super) fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f3
 /// What is said of an object beside its grasps, as `NAME.json` has it.
 #[must_use]
 pub fn grasps_info(set: &ObjectGrasps) -> Value {
-    let outcomes: serde_json::Map<String, Value> = Outcome::ALL
-        .into_iter()
-        .map(|outcome| {
-            let count = set.grasps.iter().filter(|grasp| grasp.outcome == outcome).count();
-            (outcome.name().to_owned(), json!(count))
-        })
-        .collect();
+    let outcomes = Outcome::ALL.map(|outcome| (outcome.name().to_owned(), json!(set.count(outcome))));
+    let outcomes: serde_json::Map<String, Value> = outcomes.into_iter().collect();
     let pose = |stable: &StablePose| {
         let Pose { translation, rotation, .. } = stable.table_from_object;
         json!({

@@ -64,7 +64,7 @@ pub struct ObjectGrasp {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Margins {
     /// The smallest friction coefficient between finger and object at which it bears the object's weight in all six
-    /// directions; `None` if it gives way at its own.
+    /// directions; `None` if it gives way under it with the friction that it has.
     pub friction_min: Option<f32>,
     /// The strongest pull that it bears in all six directions, in g; 0 below an eighth, 64 at most.
     pub tug_max_g: f32,
@@ -112,6 +112,12 @@ pub struct ObjectGrasps {
 }
 
 impl ObjectGrasps {
+    /// How many grasps ended so.
+    #[must_use]
+    pub fn count(&self, outcome: Outcome) -> usize {
+        self.grasps.iter().filter(|grasp| grasp.outcome == outcome).count()
+    }
+
     /// The grasps that held.
     pub fn held(&self) -> impl Iterator<Item = &ObjectGrasp> {
         self.grasps.iter().filter(|grasp| grasp.outcome == Outcome::Held)

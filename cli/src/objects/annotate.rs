@@ -6,20 +6,23 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args, value_parser};
-use generator::{AnnotateParams, Annotated, FileState, GraspShares, annotate};
+use generator::{AnnotateParams, Annotated, GraspShares, annotate};
 use indicatif::{ProgressBar, ProgressStyle};
-use inspect::{GraspFormat, grasps_index, grasps_info, grasps_picture, grasps_view};
+use inspect::{GraspFormat, grasps_index, grasps_info, grasps_svg, grasps_view};
 use program::text::percent;
 use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
-use report::document::{Block, Cell, Document, Picture, Table};
+use report::document::{Block, Cell, Document, Table};
 use schema::{GripTest, Gripper};
 use serde_json::{Value, json};
 
-use super::import::MeshOptions;
+use super::import::{FileBar, MeshOptions};
 use crate::planning::gripper::named;
 
 /// The largest `NAME.json` that is read.
 const INFO_BYTES_MAX: u64 = 1 << 24;
+
+/// What the name of an object's picture ends with.
+const PICTURE: &str = ".svg";
 
 /// Label grasps of objects that float: drawn over their whole surface, executed, and, if asked, measured
 #[derive(Debug, Args)]
@@ -70,7 +73,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_parser = format)]
     format: Vec<GraspFormat>,
 
-    /// Also write pages: NAME.html to turn an object with its grasps, index.html for all that this run makes
+    /// Also write pages: NAME.html to turn an object with its grasps; NAME.svg and index.html with all objects
     #[arg(long)]
     pages: bool,
 
@@ -148,13 +151,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} grasps · {msg} · {eta} left");
     let bar = ProgressBar::new(objects.len() as u64 * u64::from(arguments.grasps));
     let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    let (mut infos, mut pictures) = (Vec::new(), Vec::new());
+    let mut infos = Vec::new();
     for (number, object) in objects.iter().enumerate() {
         let begun = number as u64 * u64::from(arguments.grasps);
         bar.set_position(begun);
         bar.set_message(object.object.body.name().to_owned());
         let on_grasps = |made: usize| bar.set_position(begun + made as u64);
-        let Some(info) = one(object, &params, arguments, &stop, &on_grasps, &mut pictures)? else {
+        let Some(info) = one(object, &params, arguments, &stop, &on_grasps)? else {
             bar.finish_and_clear();
             print_error(&format!("stopped: {number} of {} objects are complete; run again to go on", objects.len()));
             return Ok(ExitCode::TryAgain);
@@ -162,8 +165,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         infos.push(info);
     }
     bar.finish_and_clear();
-    if arguments.pages && !pictures.is_empty() {
-        write(&arguments.out.join("index.html"), grasps_index(pictures)?)?;
+    if arguments.pages && !infos.is_empty() {
+        write_index(&infos, &arguments.out)?;
     }
     print(document(&infos, &left_out, &arguments.out).text())?;
     Ok(if left_out.is_empty() { ExitCode::Ok } else { ExitCode::Partial })
@@ -177,16 +180,16 @@ fn one(
     arguments: &Arguments,
     stop: &AtomicBool,
     on_grasps: &dyn Fn(usize),
-    pictures: &mut Vec<Picture>,
 ) -> Result<Option<Value>, Failure> {
     let name = object.object.body.name();
     let path = |ending: &str| arguments.out.join(format!("{name}{ending}"));
-    let is_missing = |format: &GraspFormat| !path(format.ending()).exists();
     let formats: BTreeSet<GraspFormat> = arguments.format.iter().copied().chain([GraspFormat::Parquet]).collect();
     let settings = settings(object, params)?;
     let digest = network::checkpoint::digest(settings.to_string().as_bytes());
     let done = earlier(&path(".json"), &digest)?;
-    let is_whole = !formats.iter().any(is_missing) && !arguments.pages;
+    let pages: &[&str] = if arguments.pages { &[".html", PICTURE] } else { &[] };
+    let is_whole =
+        formats.iter().map(|format| format.ending()).chain(pages.iter().copied()).all(|ending| path(ending).exists());
     if let Some(done) = done.filter(|_| is_whole) {
         return Ok(Some(done));
     }
@@ -200,7 +203,7 @@ fn one(
     }
     if arguments.pages {
         write(&path(".html"), grasps_view(&set).page())?;
-        pictures.push(grasps_picture(&set));
+        write(&path(PICTURE), grasps_svg(&set))?;
     }
     let mut info = grasps_info(&set);
     info["settings"] = settings;
@@ -208,6 +211,17 @@ fn one(
     // The last file: an object is complete if it is there.
     write(&path(".json"), format!("{info:#}\n"))?;
     Ok(Some(info))
+}
+
+/// The page of all objects, from their pictures, which this or an earlier run made.
+fn write_index(infos: &[Value], out: &Path) -> Result<(), Failure> {
+    let picture = |info: &Value| {
+        let path = out.join(format!("{}{PICTURE}", info["object"]["name"].as_str().unwrap_or_default()));
+        let bytes = program::read(&path, INFO_BYTES_MAX).context(format_args!("failed to read {}", path.display()))?;
+        Ok((info.clone(), String::from_utf8_lossy(&bytes).into_owned()))
+    };
+    let pictures = infos.iter().map(picture).collect::<Result<Vec<_>, Failure>>()?;
+    write(&out.join("index.html"), grasps_index(pictures)?)
 }
 
 /// Everything that a set depends on.
@@ -250,18 +264,10 @@ fn earlier(path: &Path, digest: &str) -> Result<Option<Value>, Failure> {
 
 /// The objects of all paths, and why some could not be used.
 fn read_objects(arguments: &Arguments) -> Result<(Vec<Annotated>, Vec<String>), Failure> {
-    let style = ProgressStyle::with_template("{bar:32} {human_pos} files · {msg}");
-    let bar = ProgressBar::new_spinner().with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    let on_file = |file: &Path, state: FileState<'_>| match state {
-        FileState::Begun => bar.set_message(file.display().to_string()),
-        FileState::Made => bar.inc(1),
-        FileState::LeftOut(reason) => {
-            bar.suspend(|| print_error(&format!("left out: {reason}")));
-            bar.inc(1);
-        }
-    };
-    let read = Annotated::read(&arguments.objects, &arguments.options.params(0, 0.0), &on_file);
-    bar.finish_and_clear();
+    let bar = FileBar::new(None);
+    let read =
+        Annotated::read(&arguments.objects, &arguments.options.params(0, 0.0), &|file, state| bar.tell(file, state));
+    bar.end();
     let (objects, left_out) = read?;
     Ok((objects, left_out.into_iter().map(|one| one.reason).collect()))
 }

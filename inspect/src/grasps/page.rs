@@ -6,6 +6,7 @@ use report::document::{Block, Document, Drawing, Picture};
 use report::picture::{Hand, Scene, svg};
 use report::view::{Body, Class, Line, View};
 use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
+use serde_json::Value;
 
 use super::free_share;
 use crate::pictures::spread;
@@ -18,7 +19,7 @@ const PICTURED: usize = 16;
 /// An object with its grasps as forks, those that held last. A fork says what is known of its grasp.
 #[must_use]
 pub fn grasps_view(set: &ObjectGrasps) -> View {
-    let held = set.held().count();
+    let held = set.count(Outcome::Held);
     let mut view = View::new(format!("{}: {held} of {} grasps held", set.name, grouped(set.grasps.len() as u64)));
     view.bodies
         .extend(set.parts.iter().map(|part| Body::of_part(Class::Object, set.name.clone(), part, &[Pose::IDENTITY])));
@@ -46,8 +47,7 @@ pub fn grasps_view(set: &ObjectGrasps) -> View {
     view.fact("friction", format!("{:.2}", set.friction));
     view.fact("shown", format!("{} of {}", shown.len(), set.grasps.len()));
     for outcome in Outcome::ALL {
-        let count = set.grasps.iter().filter(|grasp| grasp.outcome == outcome).count();
-        view.fact(outcome.name(), count.to_string());
+        view.fact(outcome.name(), set.count(outcome).to_string());
     }
     if let Some(coverage) = set.coverage {
         view.fact("covered", percent(f64::from(coverage)));
@@ -63,8 +63,11 @@ fn label(set: &ObjectGrasps, number: u64, grasp: &ObjectGrasp) -> String {
         text += &format!(", {:.1} mm", width_m * 1000.0);
     }
     if let Some(margins) = grasp.margins {
-        let friction = margins.friction_min.map_or("its own".to_owned(), |friction| format!("{friction:.2}"));
-        text += &format!("\nfriction from {friction} on, up to {:.1} g", margins.tug_max_g);
+        let tug_g = margins.tug_max_g;
+        text += &match margins.friction_min {
+            Some(friction) => format!("\nholds with a friction from {friction:.2} on, and up to {tug_g:.1} g"),
+            None => format!("\nslips or turns in some direction above {tug_g:.2} g, less than its weight"),
+        };
     }
     if let Some(share) = grasp.robust_share {
         text += &format!("\n{} of moved repeats", percent(f64::from(share)));
@@ -75,9 +78,9 @@ fn label(set: &ObjectGrasps, number: u64, grasp: &ObjectGrasp) -> String {
     text
 }
 
-/// A picture of an object with some grasps that held, which leads to its page.
+/// A picture (SVG) of an object with some grasps that held.
 #[must_use]
-pub fn grasps_picture(set: &ObjectGrasps) -> Picture {
+pub fn grasps_svg(set: &ObjectGrasps) -> String {
     let held: Vec<&ObjectGrasp> = set.held().collect();
     let numbers: Vec<u64> = (0..held.len() as u64).collect();
     let size_m = 2.0 * set.extents_m.length().max(set.gripper.opening_m_max);
@@ -95,25 +98,26 @@ pub fn grasps_picture(set: &ObjectGrasps) -> Picture {
             strength: 1.0,
         }
     };
-    let drawing = svg(&Scene {
+    svg(&Scene {
         size_m,
         table_z_m: 0.0,
         bodies: set.parts.iter().map(|part| (part.moved(&placed(&Pose::IDENTITY)), 0)).collect(),
         fixtures: Vec::new(),
         hands: spread(&numbers, PICTURED).into_iter().map(hand).collect(),
-    });
-    let caption = format!("{} of {} grasps held", held.len(), set.grasps.len());
-    Picture {
-        link: Some(format!("{}.html", set.name)),
-        ..Picture::new(Drawing::Svg(drawing), set.name.clone(), caption)
-    }
+    })
 }
 
-/// The page of all objects.
+/// The page of all objects: what `NAME.json` says of each, and its picture.
 ///
 /// # Errors
 /// [`Failure`] if the page cannot be made.
-pub fn grasps_index(pictures: Vec<Picture>) -> Result<String, Failure> {
+pub fn grasps_index(objects: impl IntoIterator<Item = (Value, String)>) -> Result<String, Failure> {
+    let picture = |(info, drawing): (Value, String)| {
+        let name = info["object"]["name"].as_str().unwrap_or_default().to_owned();
+        let caption = format!("{} of {} grasps held", info["outcomes"][Outcome::Held.name()], info["grasps"]);
+        Picture { link: Some(format!("{name}.html")), ..Picture::new(Drawing::Svg(drawing), name, caption) }
+    };
+    let pictures = objects.into_iter().map(picture).collect();
     let text = "A picture has up to 16 grasps that held, and leads to its object, which can be turned; there a fork says what is known \
                 of its grasp, and each outcome can be hidden.";
     let blocks = vec![Block::Text(text.to_owned()), Block::Legend(vec![Outcome::Held]), Block::Gallery(pictures)];

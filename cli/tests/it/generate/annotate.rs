@@ -68,6 +68,17 @@ fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
     fs::remove_file(folder.join("brick.parquet")).unwrap();
     check_ok(&annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps"]));
     assert_eq!(files(&folder), before);
+    // Pages that an earlier run made stay as they are, and are in the page of all.
+    let with_pages = ["brick.obj", "--scale", "0.001", "--out", "grasps", "--pages"];
+    check_ok(&annotate(&dir, &with_pages));
+    let (before, page) = (files(&folder), folder.join("brick.html"));
+    fs::write(&page, "edited").unwrap();
+    check_ok(&annotate(&dir, &with_pages));
+    assert_eq!(fs::read_to_string(&page).unwrap(), "edited");
+    assert!(fs::read_to_string(folder.join("index.html")).unwrap().contains("brick.html"));
+    fs::remove_file(&page).unwrap();
+    check_ok(&annotate(&dir, &with_pages));
+    assert_eq!(files(&folder), before);
     check_fails(
         &annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps", "--seed", "2"]),
         78,
