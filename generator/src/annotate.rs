@@ -77,15 +77,29 @@ pub fn annotate(
     Some(bench.set(grasps))
 }
 
-/// Labels given grasps of an object, in their order; poses are in the frame in which grasps are given.
+/// Labels given grasps of an object, in their order; poses are in the frame in which grasps are given. `on_grasps` is
+/// that of [`annotate`].
 #[must_use]
-pub fn relabel(annotated: &Annotated, params: &AnnotateParams, object_from_grasps: &[Pose]) -> ObjectGrasps {
+pub fn relabel(
+    annotated: &Annotated,
+    params: &AnnotateParams,
+    object_from_grasps: &[Pose],
+    on_grasps: &mut dyn FnMut(usize) -> bool,
+) -> Option<ObjectGrasps> {
     let bench = Bench::new(annotated, params);
     let label = |(number, pose): (usize, &Pose)| {
         let in_body = Pose::from_parts(pose.translation - annotated.origin_m, pose.rotation);
         bench.labelled(number as u64, in_body, GraspSource::Given)
     };
-    bench.set(object_from_grasps.par_iter().enumerate().map(label).collect())
+    let mut grasps: Vec<ObjectGrasp> = Vec::with_capacity(object_from_grasps.len());
+    for chunk in object_from_grasps.chunks(CHUNK) {
+        let first = grasps.len();
+        grasps.par_extend(chunk.par_iter().enumerate().map(|(place, pose)| label((first + place, pose))));
+        if !on_grasps(grasps.len()) {
+            return None;
+        }
+    }
+    Some(bench.set(grasps))
 }
 
 /// Everything that labels the grasps of one object.
@@ -401,7 +415,7 @@ mod tests {
         let params = AnnotateParams { margins: true, ..few(1) };
         let middle = Pose::from_translation(object.origin_m + Vec3::new(0.0, 0.0, 0.015));
         let beside = Pose::from_translation(object.origin_m + Vec3::new(0.012, 0.0, 0.015));
-        let set = relabel(&object, &params, &[middle, beside]);
+        let set = relabel(&object, &params, &[middle, beside], &mut |_| true).unwrap();
         let hand = &params.gripper;
         let tug_g = 2.0 * hand.friction * 0.5 * hand.finger_force_n / (0.5 * G_M_S2);
         let friction = 0.5 * 0.5 * G_M_S2 / hand.finger_force_n;
@@ -418,7 +432,8 @@ mod tests {
         object.origin_m = Vec3::new(0.1, 0.2, 0.3);
         let down = Pose::from_parts(object.origin_m, axis_angle(Vec3::X, PI));
         let aside = Pose::from_parts(object.origin_m, axis_angle(Vec3::Y, FRAC_PI_2));
-        let set = relabel(&object, &AnnotateParams { drops: 120, ..few(1) }, &[down, aside]);
+        let params = AnnotateParams { drops: 120, ..few(1) };
+        let set = relabel(&object, &params, &[down, aside], &mut |_| true).unwrap();
         let poses = &set.stable_poses;
         let sum: f32 = poses.iter().map(|pose| pose.probability).sum();
         assert!(poses.len() <= 6 && poses.len() >= 4 && sum > 0.95, "{poses:?}");

@@ -3,6 +3,7 @@
 //! docs/exporting.md has the frames; each form was read from the code of those who made it.
 
 mod foreign;
+mod given;
 mod page;
 
 use report::view::flat_points;
@@ -13,6 +14,7 @@ use shards::{PlainColumn, plain_table, pose_columns};
 
 use program::Failure;
 
+pub use given::GivenGrasps;
 pub use page::{grasps_index, grasps_svg, grasps_view};
 
 words! {

@@ -43,6 +43,42 @@ fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     bytes
 }
 
+/// The rows of a `.npy` of single- or double-precision values with the shape `[N, *shape]`, N at most `rows_max`, in C
+/// order.
+///
+/// # Errors
+/// What is wrong with the file.
+pub(crate) fn rows(bytes: &[u8], shape: &[usize], rows_max: usize) -> Result<Vec<Vec<f64>>, String> {
+    let broken = || "the array must be a whole .npy of version 1.0".to_owned();
+    let length: usize = match bytes.get(..PREAMBLE_BYTES).ok_or_else(broken)? {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, 0, low, high] => usize::from(u16::from_le_bytes([*low, *high])),
+        _ => return Err(broken()),
+    };
+    let header = bytes.get(PREAMBLE_BYTES..PREAMBLE_BYTES + length).ok_or_else(broken)?;
+    let (header, data) = (String::from_utf8_lossy(header).replace(' ', ""), &bytes[PREAMBLE_BYTES + length..]);
+    let sides = header.split_once("'shape':(").and_then(|(_, rest)| rest.split_once(')')).map(|(sides, _)| sides);
+    let sides: Option<Vec<usize>> = sides.map(|sides| sides.split(',').filter_map(|side| side.parse().ok()).collect());
+    let size = [4, 8].into_iter().find(|size| header.contains(&format!("'descr':'<f{size}'")));
+    let (Some(size), Some([count, rest @ ..])) = (size, sides.as_deref()) else {
+        return Err(format!("the array must have real numbers, got {header}"));
+    };
+    if rest != shape || *count > rows_max || header.contains("'fortran_order':True") {
+        return Err(format!(
+            "the array must have the shape [N, {shape:?}], N at most {rows_max}, in C order, got {header}"
+        ));
+    }
+    let width: usize = size * shape.iter().product::<usize>();
+    if data.len() != count * width {
+        return Err(format!("the array must have {} bytes, got {}", count * width, data.len()));
+    }
+    let number = |bytes: &[u8]| match bytes {
+        [a, b, c, d] => f64::from(f32::from_le_bytes([*a, *b, *c, *d])),
+        [a, b, c, d, e, f, g, h] => f64::from_le_bytes([*a, *b, *c, *d, *e, *f, *g, *h]),
+        _ => f64::NAN,
+    };
+    Ok(data.chunks_exact(width).map(|row| row.chunks_exact(size).map(number).collect()).collect())
+}
+
 /// A `.npz` with one array, as `numpy.savez_compressed(file, name=array)` makes it. The same array always gives the
 /// same bytes, without a clock or the system's name.
 ///

@@ -82,14 +82,14 @@ impl Annotation {
                 }
                 (None, file) => of_file(file)?,
             };
-            if let Some(given) = &given {
-                return Ok(::generator::relabel(&annotated, &params, given));
-            }
             let mut go_on = |made: usize| {
                 told.store(made, Ordering::Relaxed);
                 !stopped.load(Ordering::Relaxed)
             };
-            let set = ::generator::annotate(&annotated, &params, &mut go_on);
+            let set = match &given {
+                Some(given) => ::generator::relabel(&annotated, &params, given, &mut go_on),
+                None => ::generator::annotate(&annotated, &params, &mut go_on),
+            };
             set.ok_or_else(|| Failure::new(ExitCode::TryAgain, "the annotation was stopped"))
         };
         Ok(Self { work: Apart::start(threads, move |_| work())?, stop, made, set: None })

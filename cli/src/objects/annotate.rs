@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args, value_parser};
-use generator::{AnnotateParams, Annotated, GraspShares, annotate};
+use generator::{AnnotateParams, Annotated, GraspShares, annotate, relabel};
 use indicatif::{ProgressBar, ProgressStyle};
-use inspect::{GraspFormat, grasps_index, grasps_info, grasps_svg, grasps_view};
+use inspect::{GivenGrasps, GraspFormat, grasps_index, grasps_info, grasps_svg, grasps_view};
 use program::text::percent;
 use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
 use report::document::{Block, Cell, Document, Table};
@@ -68,6 +68,11 @@ pub(crate) struct Arguments {
     /// Drops that find the poses in which an object stands or lies; 0 for none
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = value_parser!(u32).range(0..=10_000))]
     drops: u32,
+
+    /// Label the grasps of this file instead of drawing some, and say how far its labels agree: GraspGen's .json,
+    /// MolmoSpaces' .npz or GraspNet's .npy, of one object
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["grasps", "held_only", "shares"])]
+    relabel: Option<PathBuf>,
 
     /// Also write the grasps in these forms
     #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_parser = format)]
@@ -142,22 +147,30 @@ impl Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let params = arguments.params(named(&arguments.gripper)?);
+    let mut params = arguments.params(named(&arguments.gripper)?);
+    let given = arguments.relabel.as_deref().map(|path| GivenGrasps::read(path, &params.gripper)).transpose()?;
+    if let Some(given) = &given {
+        params.grasps = given.object_from_grasps.len();
+    }
     start_threads(arguments.threads)?;
     let on_first = || print_error("stopping: abandoning the object under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
     let (objects, left_out) = read_objects(arguments)?;
+    if given.is_some() && objects.len() != 1 {
+        let text = format!("--relabel needs one object, whose grasps the file has; there are {}", objects.len());
+        return Err(Failure::new(ExitCode::Config, text));
+    }
     let _lock = FolderLock::take(&arguments.out)?;
     let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} grasps · {msg} · {eta} left");
-    let bar = ProgressBar::new(objects.len() as u64 * u64::from(arguments.grasps));
+    let bar = ProgressBar::new((objects.len() * params.grasps) as u64);
     let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     let mut infos = Vec::new();
     for (number, object) in objects.iter().enumerate() {
-        let begun = number as u64 * u64::from(arguments.grasps);
+        let begun = (number * params.grasps) as u64;
         bar.set_position(begun);
         bar.set_message(object.object.body.name().to_owned());
         let on_grasps = |made: usize| bar.set_position(begun + made as u64);
-        let Some(info) = one(object, &params, arguments, &stop, &on_grasps)? else {
+        let Some(info) = one(object, (&params, given.as_ref()), arguments, &stop, &on_grasps)? else {
             bar.finish_and_clear();
             print_error(&format!("stopped: {number} of {} objects are complete; run again to go on", objects.len()));
             return Ok(ExitCode::TryAgain);
@@ -176,7 +189,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 /// signal came.
 fn one(
     object: &Annotated,
-    params: &AnnotateParams,
+    (params, given): (&AnnotateParams, Option<&GivenGrasps>),
     arguments: &Arguments,
     stop: &AtomicBool,
     on_grasps: &dyn Fn(usize),
@@ -184,7 +197,7 @@ fn one(
     let name = object.object.body.name();
     let path = |ending: &str| arguments.out.join(format!("{name}{ending}"));
     let formats: BTreeSet<GraspFormat> = arguments.format.iter().copied().chain([GraspFormat::Parquet]).collect();
-    let settings = settings(object, params)?;
+    let settings = settings(object, params, given)?;
     let digest = network::checkpoint::digest(settings.to_string().as_bytes());
     let done = earlier(&path(".json"), &digest)?;
     let pages: &[&str] = if arguments.pages { &[".html", PICTURE] } else { &[] };
@@ -197,7 +210,11 @@ fn one(
         on_grasps(made);
         !stop.load(Ordering::Relaxed)
     };
-    let Some(set) = annotate(object, params, &mut go_on) else { return Ok(None) };
+    let set = match given {
+        Some(given) => relabel(object, params, &given.object_from_grasps, &mut go_on),
+        None => annotate(object, params, &mut go_on),
+    };
+    let Some(set) = set else { return Ok(None) };
     for format in formats {
         write(&path(format.ending()), format.bytes(&set)?)?;
     }
@@ -206,6 +223,7 @@ fn one(
         write(&path(PICTURE), grasps_svg(&set))?;
     }
     let mut info = grasps_info(&set);
+    info["agreement"] = given.and_then(|given| given.agreement(&set)).unwrap_or_default();
     info["settings"] = settings;
     info["settings_sha256"] = Value::String(digest);
     // The last file: an object is complete if it is there.
@@ -225,12 +243,12 @@ fn write_index(infos: &[Value], out: &Path) -> Result<(), Failure> {
 }
 
 /// Everything that a set depends on.
-fn settings(object: &Annotated, params: &AnnotateParams) -> Result<Value, Failure> {
+fn settings(object: &Annotated, params: &AnnotateParams, given: Option<&GivenGrasps>) -> Result<Value, Failure> {
     let parts: Vec<Vec<[f32; 3]>> =
         object.object.body.polyhedra().iter().map(|p| p.corners_m().iter().map(|c| c.to_array()).collect()).collect();
     let failed = |error: serde_json::Error| Failure::new(ExitCode::Internal, error.to_string());
     let text = serde_json::to_string(&parts).map_err(failed)?;
-    Ok(json!({
+    let mut settings = json!({
         "code_version": env!("CARGO_PKG_VERSION"),
         "params": params,
         // No part of a gripper's stored form, and files of others depend on it.
@@ -243,7 +261,11 @@ fn settings(object: &Annotated, params: &AnnotateParams) -> Result<Value, Failur
         "mass_kg": object.object.mass_kg,
         "friction": object.object.friction,
         "parts_sha256": network::checkpoint::digest(text.as_bytes()),
-    }))
+    });
+    if let Some(given) = given {
+        settings["given_sha256"] = json!(network::checkpoint::digest(format!("{given:?}").as_bytes()));
+    }
+    Ok(settings)
 }
 
 /// What an earlier run said of an object, if it had the settings with this digest.
@@ -303,8 +325,9 @@ fn document(infos: &[Value], left_out: &[String], out: &Path) -> Document {
     let (grasps, held): (u64, u64) = infos
         .iter()
         .fold((0, 0), |(all, held), info| (all + info["grasps"].as_u64().unwrap_or(0), held + count(info, "held")));
+    let agreement = infos.iter().find_map(|info| agreement_text(&info["agreement"]));
     let plural = if infos.len() == 1 { "" } else { "s" };
-    let blocks = vec![
+    let mut blocks = vec![
         Block::Table(Table::new(head, infos.iter().map(row))),
         Block::Warnings(few.chain(left_out.iter().map(|reason| format!("left out: {reason}"))).collect()),
         Block::Text(format!(
@@ -314,5 +337,17 @@ fn document(infos: &[Value], left_out: &[String], out: &Path) -> Document {
             left_out.len()
         )),
     ];
+    blocks.extend(agreement.map(Block::Text));
     Document { blocks, ..Document::default() }
+}
+
+/// How far the labels of a file that was relabelled agree with ours.
+fn agreement_text(agreement: &Value) -> Option<String> {
+    let (same, all) = (agreement["same"].as_u64()?, agreement["grasps"].as_u64()?);
+    let share = percent(same as f64 / all.max(1) as f64);
+    let kappa = agreement["kappa"].as_f64().map_or("not defined".to_owned(), |kappa| format!("{kappa:.3}"));
+    let theirs = &agreement["given_held"];
+    Some(format!(
+        "{same} of {all} labels ({share}) are those of the file, in which {theirs} held; Cohen's kappa {kappa}"
+    ))
 }

@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::npy;
 
 /// GraspNet's origin is this far behind the tips.
-const GRASPNET_DEPTH_M: f32 = 0.02;
+pub(super) const GRASPNET_DEPTH_M: f32 = 0.02;
 /// Its score is this less the smallest friction.
 const GRASPNET_SCORE: f32 = 1.1;
 

@@ -104,3 +104,50 @@ fn what_cannot_be_grasped_or_read_is_listed_and_the_rest_goes_on() {
     fs::write(dir.path().join("names.toml"), catalogue).unwrap();
     check_fails(&annotate(&dir, &["names.toml", "--out", "more"]), 78, &["a/b", "names.toml"]);
 }
+
+#[test]
+fn grasps_of_a_file_are_labelled_again_and_agree_with_themselves() {
+    let dir = objects();
+    let brick = ["brick.obj", "--scale", "0.001"];
+    let formats = ["--format", "graspgen,molmospaces,graspnet", "--out", "drawn"];
+    check_ok(&annotate(&dir, &[&brick[..], &formats].concat()));
+    let relabel = |file: &str, out: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_graspmill"));
+        command.current_dir(dir.path()).args(["objects", "annotate", "--drops", "0"]).args(brick);
+        command.args(["--relabel", file, "--out", out]).output().unwrap()
+    };
+    let drawn = info(&dir.path().join("drawn/brick.json"));
+    let said = check_ok(&relabel("drawn/brick.graspgen.json", "again"));
+    let again = info(&dir.path().join("again/brick.json"));
+    // A pose that went through a matrix is off by rounding.
+    assert!(again["agreement"]["same"].as_u64().unwrap() >= 38, "{again}");
+    assert_eq!(again["agreement"]["given_held"], drawn["outcomes"]["held"]);
+    assert!(again["agreement"]["kappa"].as_f64().unwrap() > 0.85 && said.contains("Cohen's kappa"), "{said}");
+    // The same once more; the grasps of another file are others.
+    check_ok(&relabel("drawn/brick.graspgen.json", "again"));
+    check_fails(&relabel("drawn/brick.graspnet.npy", "again"), 78, &["other settings"]);
+    // What held is what these have, without labels.
+    for (file, out) in [("drawn/brick.molmospaces.npz", "m"), ("drawn/brick.graspnet.npy", "n")] {
+        check_ok(&relabel(file, out));
+        let held = info(&dir.path().join(out).join("brick.json"));
+        assert_eq!(held["grasps"], drawn["outcomes"]["held"]);
+        assert!(held["outcomes"]["held"].as_u64().unwrap() + 2 >= held["grasps"].as_u64().unwrap(), "{held}");
+        assert!(held["agreement"].is_null());
+    }
+    for (name, text, code, said) in [
+        ("a.json", "{}", 65, "grasps.transforms"),
+        ("a.npy", "no", 65, "whole .npy"),
+        ("a.npz", "no", 65, "transforms"),
+        ("a.h5", "no", 78, "read_grasps"),
+    ] {
+        fs::write(dir.path().join(name), text).unwrap();
+        check_fails(&relabel(name, "more"), code, &[said, name]);
+    }
+    let words = ["slab.obj", "brick.obj", "--relabel", "drawn/brick.graspgen.json", "--out", "more"];
+    let output = Command::new(env!("CARGO_BIN_EXE_graspmill"))
+        .current_dir(dir.path())
+        .args(["objects", "annotate"])
+        .args(words)
+        .output();
+    check_fails(&output.unwrap(), 78, &["one object"]);
+}
