@@ -408,6 +408,10 @@ mod tests {
         assert!(level > 50 && steep > 50, "{level} {steep}");
     }
 
+    fn every(hands: &[Grasp]) -> Vec<bool> {
+        vec![true; hands.len()]
+    }
+
     /// Those on a face of the box, when only its points are wanted.
     #[test]
     fn a_search_keeps_to_the_wanted_points() {
@@ -418,13 +422,18 @@ mod tests {
         let corner_m = MIDDLE_M + HALF_M;
         let wanted = space.near(&[corner_m], 0.02);
         assert!(wanted.iter().zip(&space.surfaces).all(|(near, all)| !near.is_empty() && near.len() < all.len() / 2));
-        let near = sampler.search(&space, &wanted, 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let near = sampler.search(&space, (&wanted, &every), 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         let off_m = |hands: &[Grasp]| {
             let off_m = hands.iter().map(|hand| (hand.workspace_from_grasp.translation - corner_m).length());
             off_m.sum::<f32>() / hands.len() as f32
         };
         assert!(off_m(&near) < 0.85 * off_m(&all), "{} {}", off_m(&near), off_m(&all));
         assert!(space.near(&[], 1.0).iter().all(Vec::is_empty));
+        let is_steep = |hand: &Grasp| (hand.workspace_from_grasp.rotation * Vec3::Z).z < -0.8;
+        let steep = |hands: &[Grasp]| hands.iter().map(is_steep).collect();
+        // Others take the place of hands that are not wanted.
+        let found = sampler.search(&space, (&wanted, &steep), 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        assert!(found.len() == 200 && found.iter().all(is_steep) && !near.iter().all(is_steep));
     }
 
     #[test]
@@ -434,7 +443,8 @@ mod tests {
         let sampler = CandidateSampler::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
         let fine = SurfaceBlocks::from(&fine);
         let space = Space::new(&field, Some(&fine), field.lattice.corners_m());
-        let hands = sampler.search(&space, &Default::default(), 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let none = Default::default();
+        let hands = sampler.search(&space, (&none, &every), 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         assert_eq!(hands.len(), 500);
         let [before_m, after_m] = [&coarse, &hands].map(|hands| deepest_m(&gripper, hands));
         // A millimetre is not in the way.

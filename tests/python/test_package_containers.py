@@ -3,6 +3,7 @@
 import pickle
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
@@ -64,3 +65,28 @@ def test_a_scene_in_a_container_made_by_hand():
 def test_containers_that_cannot_be_are_refused(changes, message):
     with pytest.raises(graspmill.InputError, match=message):
         graspmill.Scene([], container=_bin(**changes))
+
+
+def of_bin(tmp_path, walls):
+    """Plans of one bin with two blocks, from above, by settings that keep off walls or do not."""
+    blocks = [[0.10, 0.13, 0.07], [0.20, 0.17, 0.07]]
+    poses = [[*at, 0.0, 0.0, 0.0, 1.0] for at in blocks]
+    scene = graspmill.Scene(
+        [graspmill.Object.cuboid([0.04, 0.05, 0.04], pose) for pose in poses],
+        container=graspmill.Container("bin", (0.24, 0.22), 0.08, thickness_m=0.004),
+    )
+    shipped = (Path(__file__).parents[2] / "configs/plan/judge.toml").read_text(encoding="utf-8")
+    settings = tmp_path / f"{walls}.toml"
+    settings.write_text(shipped.replace("walls = true", f"walls = {str(walls).lower()}"), encoding="utf-8")
+    camera = graspmill.Camera.look_at([0.15, 0.15, 0.65])
+    plan = graspmill.Planner(settings).plan(scene.render(camera), camera)
+    tips_m = plan.workspace_from_grasp[:, :3, 3]
+    beside_m = np.min([np.linalg.norm(tips_m[:, :2] - at[:2], axis=1) for at in blocks], axis=0)
+    return plan, beside_m
+
+
+def test_a_plan_keeps_off_the_walls_of_a_bin(tmp_path):
+    plan, beside_m = of_bin(tmp_path, walls=True)
+    assert len(plan) >= 5 and np.all(beside_m < 0.035), beside_m
+    _, beside_m = of_bin(tmp_path, walls=False)
+    assert np.any(beside_m > 0.06), "the judge likes walls: the bin proves nothing"
