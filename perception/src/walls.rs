@@ -1,8 +1,8 @@
 //! The walls of a bin, a tray or a shelf among the points of a surface.
 //!
 //! A wall is a straight and thin ridge: lower on both sides, and about as high all along. One ridge may be a book or a
-//! handle. Two that face each other and are as long, or three at right angles that meet, enclose a floor, and no object's
-//! width lies between them. Where the other walls must be, the points that were seen are theirs.
+//! handle. Two that face each other and are as long, or three at right angles that meet, enclose a floor, and no
+//! object's width lies between them. Where the other walls must be, the points that were seen are theirs.
 
 use core::f32::consts::{FRAC_PI_2, PI};
 
@@ -90,8 +90,8 @@ impl Wall {
         is_along && (-BEHIND_M..0.0).contains(&(at.dot(self.inward) - self.offset_m))
     }
 
-    /// Whether it hangs over the table, so that a board lies behind it, of which nobody sees more from before it: an eye
-    /// sees points behind the wall through where the wall would be if it stood.
+    /// Whether it hangs over the table, so that a board lies behind it, of which nobody sees more from before it: an
+    /// eye sees points behind the wall through where the wall would be if it stood.
     #[must_use]
     pub fn hangs(&self, points_m: &[Vec3], eyes_m: &[Vec3], table_z_m: f32) -> bool {
         let in_m = |point_m: Vec3| point_m.truncate().dot(self.inward) - self.offset_m;
@@ -300,7 +300,8 @@ fn upper_run(heights_m: &mut [f32]) -> Option<[f32; 2]> {
     Some([*bottom_m, top_m])
 }
 
-/// First and last of the steps that are seen with no gap above [`GAP_STEPS`], and their number: of the run that has most.
+/// First and last of the steps that are seen with no gap above [`GAP_STEPS`], and their number: of the run that has
+/// most.
 fn longest_run(is_seen: impl Iterator<Item = bool>) -> Option<(usize, usize, usize)> {
     let mut runs: Vec<(usize, usize, usize)> = Vec::new();
     for (step, _) in is_seen.enumerate().filter(|(_, is_seen)| *is_seen) {
@@ -377,8 +378,8 @@ impl Ridge {
     }
 }
 
-/// Two walls that face each other, or two with one that connects them and perhaps the one across from it: those of which
-/// most was seen.
+/// Two walls that face each other, or two with one that connects them and perhaps the one across from it: those of
+/// which most was seen.
 fn enclosing(ridges: &[Ridge], table_z_m: f32) -> Vec<Ridge> {
     let mut best = (LENGTH_M_MIN, Vec::new());
     let mut is_best = |sides: Vec<Ridge>, width_m: f32| {

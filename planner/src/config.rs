@@ -215,6 +215,7 @@ settings! {
         pub points_max: usize where 0..=1_000_000,
         /// Whether hands keep off the walls of a bin, a tray or a shelf, if such walls are found: they close on none
         /// and touch none on their way in and out.
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
         pub walls: bool; or false,
     }
 }

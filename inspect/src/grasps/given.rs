@@ -28,8 +28,8 @@ pub struct GivenGrasps {
 }
 
 impl GivenGrasps {
-    /// Reads a file; its ending says whose form it has. Where a file does not say how far its frame is from the tips, it
-    /// is as far as the hand's base is.
+    /// Reads a file; its ending says whose form it has. Where a file does not say how far its frame is from the tips,
+    /// it is as far as the hand's base is.
     ///
     /// # Errors
     /// [`Failure`] if the file cannot be read, is damaged, or has a form that only the package reads.

@@ -24,7 +24,7 @@ fn each_has_its_checksum_in_the_card_and_can_be_evaluated() {
     for model in models {
         let digest = Sha256::digest(fs::read(&model).unwrap());
         let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-        let card = fs::read_to_string(model.with_file_name("README.md")).unwrap();
+        let card = fs::read_to_string(model.with_extension("md")).unwrap();
         assert!(card.contains(&digest), "{digest} is not in the card: {}", model.display());
         let checkpoint = network::checkpoint::read(&model).unwrap();
         assert!(checkpoint.dataset_id.split('+').all(|id| card.contains(id)), "the card must name the datasets");
