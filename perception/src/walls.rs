@@ -135,7 +135,7 @@ pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
     }
     let axes = direction(&cells_m);
     let mut ridges: Vec<Ridge> = (0..2).flat_map(|axis| along(&cells_m, axes, axis, table_z_m)).collect();
-    ridges.sort_by(|a, b| b.cells.cmp(&a.cells));
+    ridges.sort_by_key(|ridge| core::cmp::Reverse(ridge.cells));
     let mut kept: Vec<Ridge> = Vec::new();
     for ridge in ridges {
         if !kept.iter().any(|better| better.is_beside(&ridge)) {
