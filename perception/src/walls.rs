@@ -122,7 +122,7 @@ impl Wall {
 
 /// The walls that enclose a floor, those of which most was seen, or none if there is no such container. Two or three of
 /// them are ridges, the others what was seen as high where those end.
-/// `points_m` are a surface above and on a level table, at most [`CELL_M`] apart where it was seen.
+/// `points_m` are a surface above and on a level table, at most 4 mm apart where it was seen.
 #[must_use]
 pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
     let above_m: Vec<Vec3> = points_m.iter().copied().filter(|point| point.z > table_z_m + FLOOR_M).collect();
