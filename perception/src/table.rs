@@ -171,7 +171,7 @@ fn candidate(first: Plane, all_m: &[Vec3], searched_m: &[Vec3], down: Option<Vec
     let share_of = |count: usize| count as f32 / searched_m.len() as f32;
     let (share, carried_share) = (share_of(own.len()), share_of(carried_m.len()));
     let hidden = below as f32 / own.len().max(1) as f32;
-    let far = median(own.iter().map(|at| at.length())) / FAR_M;
+    let far = median(own.iter().map(|at| at.length())).unwrap_or(0.0) / FAR_M;
     let stands = down.map_or_else(|| upright(plane.normal), |down| level(plane.normal, down));
     Some(TableCandidate {
         residual_m: (squares / members.len().max(1) as f64).sqrt() as f32,
@@ -194,14 +194,15 @@ fn level(normal: Vec3, down: Vec3) -> f32 {
     f32::from(u8::from(normal.dot(-down.normalize_or_zero()) >= libm::cosf(LEVEL_RAD)))
 }
 
-fn median(values: impl Iterator<Item = f32>) -> f32 {
+/// The upper one of the middle two of an even number; none of none.
+pub(crate) fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
     let mut values: Vec<f32> = values.collect();
     values.sort_by(f32::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+    values.get(values.len() / 2).copied()
 }
 
 fn middle(points_m: &[Vec3]) -> Vec3 {
-    Vec3::from_array([0, 1, 2].map(|axis| median(points_m.iter().map(|at| at[axis]))))
+    Vec3::from_array([0, 1, 2].map(|axis| median(points_m.iter().map(|at| at[axis])).unwrap_or(0.0)))
 }
 
 /// Cells of a plane that have points of it.

@@ -8,6 +8,8 @@ use core::f32::consts::{FRAC_PI_2, PI};
 
 use schema::{Vec2, Vec3};
 
+use crate::table::median;
+
 /// Side of a cell of the map of heights.
 const CELL_M: f32 = 0.004;
 /// Lower than this above the table nothing is a wall.
@@ -45,6 +47,8 @@ const CONNECTED_SHARE: f32 = 0.6;
 /// A wall's points are this near to it, and on its outer side so near.
 const WALL_M: f32 = 0.008;
 const OUTER_M: f32 = 0.020;
+/// So far over its upper edge it may still be the wall: heights along it differ.
+const OVER_M: f32 = 0.5 * HEIGHT_OFF_SHARE * TALL_M;
 /// Walls lean outwards by at most this many metres a metre, tried in such steps.
 const SLOPES: usize = 22;
 const SLOPE_STEP: f32 = 0.025;
@@ -73,36 +77,41 @@ pub struct Wall {
 }
 
 impl Wall {
+    /// How far a point is inwards of the upper edge, and where it is along the wall, in metres.
+    fn place_m(&self, point_m: Vec3) -> [f32; 2] {
+        let at = point_m.truncate();
+        [at.dot(self.inward) - self.offset_m, at.dot(self.inward.perp())]
+    }
+
+    /// Whether a place along the wall is between its ends, or no further beyond one than this.
+    fn is_along(&self, along_m: f32, beyond_m: f32) -> bool {
+        along_m >= self.ends_m[0] - beyond_m && along_m <= self.ends_m[1] + beyond_m
+    }
+
     /// Whether a point belongs to the wall.
     #[must_use]
     pub fn has(&self, point_m: Vec3) -> bool {
-        let (at, below_m) = (point_m.truncate(), self.top_m - point_m.z);
-        let (in_m, along_m) = (at.dot(self.inward) - self.offset_m, at.dot(self.inward.perp()));
-        let is_along = along_m >= self.ends_m[0] - WALL_M && along_m <= self.ends_m[1] + WALL_M;
-        is_along && in_m >= -OUTER_M && in_m <= self.slope * below_m.max(0.0) + WALL_M && below_m >= -self.over_m()
+        let ([in_m, along_m], below_m) = (self.place_m(point_m), self.top_m - point_m.z);
+        let is_deep = in_m >= -OUTER_M && in_m <= self.slope * below_m.max(0.0) + WALL_M;
+        self.is_along(along_m, WALL_M) && is_deep && below_m >= -OVER_M
     }
 
     /// Whether a point is behind the wall and near it, where flaps and frames are.
     #[must_use]
     pub fn is_behind(&self, point_m: Vec3) -> bool {
-        let (at, [from_m, to_m]) = (point_m.truncate(), self.ends_m);
-        let is_along = (from_m - BEHIND_M..to_m + BEHIND_M).contains(&at.dot(self.inward.perp()));
-        is_along && (-BEHIND_M..0.0).contains(&(at.dot(self.inward) - self.offset_m))
+        let [in_m, along_m] = self.place_m(point_m);
+        self.is_along(along_m, BEHIND_M) && (-BEHIND_M..0.0).contains(&in_m)
     }
 
     /// Whether it hangs over the table, so that a board lies behind it, of which nobody sees more from before it: an
     /// eye sees points behind the wall through where the wall would be if it stood.
     #[must_use]
     pub fn hangs(&self, points_m: &[Vec3], eyes_m: &[Vec3], table_z_m: f32) -> bool {
-        let in_m = |point_m: Vec3| point_m.truncate().dot(self.inward) - self.offset_m;
         let is_through = |eye_m: Vec3, point_m: Vec3| {
-            let (before_m, behind_m) = (in_m(eye_m), in_m(point_m));
+            let [[before_m, _], [behind_m, _]] = [eye_m, point_m].map(|point_m| self.place_m(point_m));
             let at_m = eye_m.lerp(point_m, before_m / (before_m - behind_m));
-            let along_m = at_m.truncate().dot(self.inward.perp());
-            before_m < 0.0
-                && behind_m > OUTER_M
-                && at_m.z < self.bottom_m - OUTER_M
-                && (self.ends_m[0]..self.ends_m[1]).contains(&along_m)
+            let is_below = at_m.z < self.bottom_m - OUTER_M && self.is_along(self.place_m(at_m)[1], 0.0);
+            before_m < 0.0 && behind_m > OUTER_M && is_below
         };
         let through = |eye_m: &Vec3| points_m.iter().filter(|point_m| is_through(*eye_m, **point_m)).count();
         self.bottom_m > table_z_m + TALL_M && eyes_m.iter().map(through).sum::<usize>() >= THROUGH_MIN
@@ -111,12 +120,7 @@ impl Wall {
     /// Whether a point is where the board is, or over it, behind this edge.
     #[must_use]
     pub fn is_over(&self, point_m: Vec3) -> bool {
-        point_m.z > self.bottom_m - WALL_M && point_m.truncate().dot(self.inward) > self.offset_m
-    }
-
-    /// So far over the upper edge it may still be the wall: heights along it differ.
-    fn over_m(&self) -> f32 {
-        0.5 * HEIGHT_OFF_SHARE * TALL_M
+        point_m.z > self.bottom_m - WALL_M && self.place_m(point_m)[0] > 0.0
     }
 }
 
@@ -262,15 +266,14 @@ fn along(cells_m: &[Vec3], axes: [Vec2; 2], axis: usize, table_z_m: f32) -> Vec<
     places.iter().for_each(|place| rows[row_of(place)].push(*place));
     let ridge = |row: usize| {
         let near = rows[row.saturating_sub(ROW_CELLS)..rows.len().min(row + ROW_CELLS + 1)].concat();
-        let mut offsets: Vec<f32> = near.iter().map(|place| place[0]).collect();
         let mut steps: Vec<f32> = Vec::new();
         for place in &near {
             let step = ((place[1] - start_m) / STEP_M) as usize;
             steps.resize(steps.len().max(step + 1), f32::NEG_INFINITY);
             steps[step] = steps[step].max(place[2]);
         }
-        let mut tops: Vec<f32> = steps.iter().copied().filter(|top_m| top_m.is_finite()).collect();
-        let (offset_m, top_m) = (median(&mut offsets)?, median(&mut tops)?);
+        let offset_m = median(near.iter().map(|place| place[0]))?;
+        let top_m = median(steps.iter().copied().filter(|top_m| top_m.is_finite()))?;
         let alike = |top: &f32| (top - top_m).abs() <= height_off_m(top_m - table_z_m);
         let (first, last, seen) = longest_run(steps.iter().map(alike))?;
         let (length_m, seen_m) = ((last + 1 - first) as f32 * STEP_M, seen as f32 * STEP_M);
@@ -284,11 +287,6 @@ fn along(cells_m: &[Vec3], axes: [Vec2; 2], axis: usize, table_z_m: f32) -> Vec<
 /// By how much walls of about this height differ.
 fn height_off_m(height_m: f32) -> f32 {
     HEIGHT_OFF_M.max(HEIGHT_OFF_SHARE * height_m)
-}
-
-fn median(values: &mut [f32]) -> Option<f32> {
-    values.sort_unstable_by(f32::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 /// The lowest and the highest of the heights that lie above the first gap from the top.
@@ -358,20 +356,17 @@ impl Ridge {
             columns[step.min(steps - 1)].push(point.z);
         }
         let spans: Vec<[f32; 2]> = columns.iter_mut().filter_map(|heights_m| upper_run(heights_m)).collect();
-        let middle = |end: usize| median(&mut spans.iter().map(|span| span[end]).collect::<Vec<f32>>());
+        let middle = |end: usize| median(spans.iter().map(|span| span[end]));
         wall.bottom_m = middle(0).unwrap_or(self.top_m);
         wall.top_m = middle(1).unwrap_or(self.top_m);
         let is_upper = |point: &&&Vec3| wall.top_m - point.z < LOWER_M;
-        let mut upper: Vec<f32> = edge.iter().filter(is_upper).map(|point| point.truncate().dot(inward)).collect();
-        wall.offset_m = median(&mut upper).unwrap_or(wall.offset_m);
-        let on_it = |slope: f32| {
-            let is_on = |point: &&Vec3| {
-                let below_m = wall.top_m - point.z;
-                let off_m = point.truncate().dot(inward) - wall.offset_m - slope * below_m;
-                below_m > 0.0 && off_m.abs() <= 0.5 * WALL_M && Wall { slope, ..wall }.has(**point)
-            };
-            points_m.iter().filter(is_on).count()
-        };
+        let upper = edge.iter().filter(is_upper).map(|point| point.truncate().dot(inward));
+        wall.offset_m = median(upper).unwrap_or(wall.offset_m);
+        let widest = Wall { slope: SLOPES as f32 * SLOPE_STEP, ..wall };
+        let near = points_m.iter().filter(|point| widest.has(**point) && point.z < wall.top_m);
+        let near_m: Vec<[f32; 2]> = near.map(|point| [wall.place_m(*point)[0], wall.top_m - point.z]).collect();
+        let on_it =
+            |slope: f32| near_m.iter().filter(|[in_m, below_m]| (in_m - slope * below_m).abs() <= 0.5 * WALL_M).count();
         let slopes = (0..SLOPES).map(|step| step as f32 * SLOPE_STEP).map(|slope| (on_it(slope), slope));
         wall.slope = slopes.reduce(|best, next| if next.0 > best.0 { next } else { best }).map_or(0.0, |(_, s)| s);
         wall
@@ -423,29 +418,19 @@ fn enclosing(ridges: &[Ridge], table_z_m: f32) -> Vec<Ridge> {
     best.1
 }
 
-/// The same walls and those that were not seen: where the others end.
+/// The same walls, of which the first two face each other, and those that were not seen: where these end.
 fn completed(mut sides: Vec<Ridge>) -> Vec<Ridge> {
-    let Some(first) = sides.first().copied() else { return sides };
-    let of = |axis: usize, sides: &[Ridge]| -> Vec<Ridge> {
-        sides.iter().copied().filter(|side| side.axis == axis).collect()
-    };
-    let (pair, others) = (of(first.axis, &sides), of(1 - first.axis, &sides));
-    let ends_m = [pair[0].offset_m, pair[1].offset_m];
-    let end = |end: usize| 0.5 * (pair[0].ends_m[end] + pair[1].ends_m[end]);
+    let [left, right, others @ ..] = &sides[..] else { return sides };
+    let end = |end: usize| 0.5 * (left.ends_m[end] + right.ends_m[end]);
     let mut unseen_m = vec![end(0), end(1)];
-    for other in &others {
+    for other in others {
         // The end at which it is not.
         unseen_m.sort_by(|a, b| (b - other.offset_m).abs().total_cmp(&(a - other.offset_m).abs()));
         unseen_m.pop();
     }
-    sides.extend(unseen_m.into_iter().map(|offset_m| Ridge {
-        axis: 1 - first.axis,
-        offset_m,
-        ends_m,
-        cells: 0,
-        seen_m: 0.0,
-        ..first
-    }));
+    let (axis, ends_m) = (1 - left.axis, [left.offset_m, right.offset_m]);
+    let unseen = Ridge { axis, ends_m, cells: 0, seen_m: 0.0, ..*left };
+    sides.extend(unseen_m.into_iter().map(|offset_m| Ridge { offset_m, ..unseen }));
     sides
 }
 

@@ -34,13 +34,12 @@ pub(crate) struct Limiter<'a> {
     /// The corners of the open hand at the grasp and before it, in the grasp frame.
     corners_m: Vec<Vec3>,
     between_fingers: HandVolume,
-    /// Points of the surface off the table: the wanted ones, and the others; what a hand breaks that closes on those.
-    points_m: Option<(Limit, [Vec<Vec3>; 2])>,
-    /// The walls' points, what a hand passes that leaves, its corners, and the board under which it does.
-    walls_m: Vec<Vec3>,
+    /// Points of the surface off the table: the target's, and the others.
+    target_m: Option<[Vec<Vec3>; 2]>,
+    walls: Walls,
+    /// What a hand passes that leaves, and its corners.
     way_out: HandVolume,
     way_out_corners_m: Vec<Vec3>,
-    board: Option<Wall>,
     /// Whether a camera looks at the fingers.
     is_in_sight: &'a (dyn Fn(&Pose) -> bool + Sync),
     /// The caller's own.
@@ -59,10 +58,6 @@ impl<'a> Limiter<'a> {
         is_in_sight: &'a (dyn Fn(&Pose) -> bool + Sync),
         will_do: &'a WillDo<'a>,
     ) -> Self {
-        let Walls { things_m, walls_m, board } = walls;
-        // Who wants a wall says so.
-        let no_walls = || (!walls_m.is_empty()).then(|| (Limit::Walls, [things_m, walls_m.clone()]));
-        let points_m = target_m.map(|points_m| (Limit::Target, points_m)).or_else(no_walls);
         let way_out = gripper.open_hand().map(|part| part.swept_back(WAY_OUT_M));
         let swept = gripper.open_hand().map(|part| part.swept_back(pregrasp_m));
         let corners_m = swept.iter().flat_map(corners).collect();
@@ -76,11 +71,10 @@ impl<'a> Limiter<'a> {
             limits,
             corners_m,
             between_fingers: HandVolume::new(vec![HandBox { centre_m, half_m }]),
-            points_m,
-            walls_m,
+            target_m,
+            walls,
             way_out_corners_m: way_out.iter().flat_map(corners).collect(),
             way_out: HandVolume::new(way_out.to_vec()),
-            board,
             is_in_sight,
             will_do,
             refused: Default::default(),
@@ -89,7 +83,7 @@ impl<'a> Limiter<'a> {
 
     /// Some of the wanted points, all over them; none if any may be gripped.
     pub(crate) fn about_m(&self) -> Vec<Vec3> {
-        let wanted_m = self.points_m.as_ref().map_or(&[][..], |(_, [wanted_m, _])| wanted_m);
+        let wanted_m = self.target_m.as_ref().map_or(&self.walls.things_m, |[target_m, _]| target_m);
         wanted_m.iter().copied().step_by(wanted_m.len() / ABOUT_MAX + 1).collect()
     }
 
@@ -131,18 +125,22 @@ impl<'a> Limiter<'a> {
         if keep_out.iter().any(is_beyond) {
             return Some(Limit::KeepOut);
         }
-        if let Some((limit, [of_target, of_others])) = &self.points_m {
-            let [wanted, others] = [of_target, of_others]
-                .map(|points_m| self.between_fingers.points_inside(workspace_from_grasp, points_m));
-            // A wall takes no part: it holds what it is gripped with.
-            let others_max = if *limit == Limit::Walls { WALL_POINTS_MAX } else { wanted };
-            if wanted == 0 || others > others_max {
-                return Some(*limit);
-            }
+        let between = |points_m: &[Vec3]| self.between_fingers.points_inside(workspace_from_grasp, points_m);
+        let is_of_others = |[of_target, of_others]: &[Vec<Vec3>; 2]| {
+            let wanted = between(of_target);
+            wanted == 0 || between(of_others) > wanted
+        };
+        if self.target_m.as_ref().is_some_and(is_of_others) {
+            return Some(Limit::Target);
         }
+        let Walls { things_m, walls_m, board } = &self.walls;
+        // Who wants a wall says so. A wall takes no part in a grasp of something else: it holds what is gripped with it.
+        let closes_on_wall = || between(things_m) == 0 || between(walls_m) > WALL_POINTS_MAX;
         let is_over = |board: &Wall| self.way_out_corners_m.iter().any(|at| board.is_over(*workspace_from_grasp * *at));
-        let meets_board = self.board.as_ref().is_some_and(is_over);
-        if meets_board || self.way_out.points_inside(workspace_from_grasp, &self.walls_m) > WALL_POINTS_MAX {
+        let leaves_through = || self.way_out.points_inside(workspace_from_grasp, walls_m) > WALL_POINTS_MAX;
+        let meets_wall =
+            (self.target_m.is_none() && closes_on_wall()) || board.as_ref().is_some_and(is_over) || leaves_through();
+        if !walls_m.is_empty() && meets_wall {
             return Some(Limit::Walls);
         }
         (!(self.is_in_sight)(workspace_from_grasp)).then_some(Limit::Unseen)
