@@ -134,7 +134,7 @@ impl<'a> Limiter<'a> {
             return Some(Limit::Target);
         }
         let Walls { things_m, walls_m, board } = &self.walls;
-        // Who wants a wall says so. A wall takes no part in a grasp of something else: it holds what is gripped with it.
+        // Who wants a wall says so. A wall takes no part in other grasps: it holds what is gripped with it.
         let closes_on_wall = || between(things_m) == 0 || between(walls_m) > WALL_POINTS_MAX;
         let is_over = |board: &Wall| self.way_out_corners_m.iter().any(|at| board.is_over(*workspace_from_grasp * *at));
         let leaves_through = || self.way_out.points_inside(workspace_from_grasp, walls_m) > WALL_POINTS_MAX;
