@@ -58,9 +58,9 @@ class PlanOptions(TypedDict, total=False):
         accept_batch: The same for many grasps at once: a function of ``[N, 4, 4]`` that returns ``[N]`` bool, in place of ``accept``.
 
     Both are called on the thread that plans, ``accept`` for one grasp at a time. With a judge they are called for every
-    candidate before the judge is asked: for 256 candidates, for four times as many if few are accepted, and for more in
-    a larger workspace. ``accept_batch`` gets those of one search together, and sees two to five calls. With the other networks
-    they are called for the grasps that these found. Ctrl-C ends such a plan at once, and another when it is made.
+    candidate before the judge is asked: until 256 are accepted or ten calls of ``accept_batch`` found no more, each about
+    a few hundred, and again up to three times if few are good. With the other networks they are called for the grasps
+    that these found. Ctrl-C ends such a plan at once, and another when it is made.
     """
 
     workspace_size_m: float | None
