@@ -39,7 +39,7 @@ const ALIASES: [Alias; 5] = [
         ],
         otherwise: &[],
     },
-    Alias { program: "planner", commands: &[], otherwise: &[] },
+    Alias { program: "planner", commands: &[("bench", &["experiment", "bench"])], otherwise: &[] },
     Alias { program: "experiments", commands: &[("manual", &["manual"])], otherwise: &["experiment"] },
 ];
 

@@ -1,5 +1,6 @@
 //! `graspmill experiment`: clears tables in simulation and counts.
 
+mod bench;
 mod compare;
 mod report;
 pub(crate) mod run;
@@ -12,6 +13,7 @@ use program::{ExitCode, Failure};
 #[command(after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
 pub(crate) enum Command {
     Run(run::Arguments),
+    Bench(bench::Arguments),
     Compare(compare::Arguments),
     Report(report::Arguments),
 }
@@ -22,6 +24,7 @@ Examples:
   graspmill experiment run configs/experiment/packed.toml --rounds 20 --out runs/packed
   graspmill experiment run configs/experiment/pile.toml --set views.count=3 --set plan.ranking.policy=vgn-best --set protocol='pile, 3 views' --out runs/three
   graspmill experiment compare runs/pile runs/three --figure compared.svg
+  graspmill experiment bench
   graspmill experiment report runs/pile --html pile.html
 
 Interrupt a run and start the same command again: it continues where it stopped.";
@@ -30,6 +33,7 @@ impl Command {
     pub(crate) fn run(&self) -> Result<ExitCode, Failure> {
         match self {
             Self::Run(arguments) => run::run(arguments),
+            Self::Bench(arguments) => bench::run(arguments),
             Self::Compare(arguments) => compare::run(arguments),
             Self::Report(arguments) => report::run(arguments),
         }

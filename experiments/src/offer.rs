@@ -48,6 +48,20 @@ impl Look<'_> {
         is_other.then_some(grid.size_m)
     }
 
+    /// What our planner is asked, and the frame that it knows in the workspace, if it is the first camera's.
+    #[must_use]
+    pub fn as_ours(mut self) -> (Observation, PlanOptions, Option<Pose>) {
+        // Where the table is to be found, the planner knows nothing but the first camera's frame.
+        let workspace_from_first = self.into_their_frame();
+        let options = PlanOptions {
+            workspace_size_m: self.workspace_size_m(),
+            find_table: workspace_from_first.map(|_| FindTable::default()),
+            avoid: self.failed,
+            ..PlanOptions::default()
+        };
+        (Observation::Views(self.views), options, workspace_from_first)
+    }
+
     /// The object that each pixel of each view shows in truth, by its place in the scene.
     #[must_use]
     pub fn shown(&self) -> Vec<Vec<Option<usize>>> {
@@ -109,16 +123,9 @@ impl Plans for Planner {
         self.model_id.clone()
     }
 
-    fn plan(&self, mut look: Look<'_>) -> Result<Vec<Offer>, NoPlan> {
-        // Where the table is to be found, the planner knows nothing but the first camera's frame.
-        let workspace_from_first = look.into_their_frame();
-        let options = PlanOptions {
-            workspace_size_m: look.workspace_size_m(),
-            find_table: workspace_from_first.map(|_| FindTable::default()),
-            avoid: look.failed,
-            ..PlanOptions::default()
-        };
-        let plan = Self::plan(self, &Observation::Views(look.views), &options).map_err(NoPlan::Refused)?;
+    fn plan(&self, look: Look<'_>) -> Result<Vec<Offer>, NoPlan> {
+        let (observation, options, workspace_from_first) = look.as_ours();
+        let plan = Self::plan(self, &observation, &options).map_err(NoPlan::Refused)?;
         let offer = |grasp: &planner::plan::RankedGrasp| Offer {
             workspace_from_grasp: workspace_from_first
                 .zip(grasp.camera_from_grasp)

@@ -192,7 +192,7 @@ fn moved(scene: &Scene, poses: &[Pose], gone: Option<usize>) -> Vec<SceneObject>
 }
 
 /// Renders the observation.
-fn observe(config: &Config, scene: &Scene, noise: &mut Stream) -> Vec<View> {
+pub(crate) fn observe(config: &Config, scene: &Scene, noise: &mut Stream) -> Vec<View> {
     let rays = SceneRays::new(scene);
     let seen = |camera: Camera| {
         let mut image = rays.render(&camera);
