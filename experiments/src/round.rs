@@ -170,7 +170,7 @@ fn execute(
     let target = scene.nearest(workspace_from_grasp.translation).unwrap_or(0);
     let halted = match touching {
         Touching::Fails => None,
-        Touching::Halts => world.halted(workspace_from_grasp, target),
+        Touching::Halts => world.halted(workspace_from_grasp),
     };
     let Some(halted) = halted else { return (target, world.execute_leaving(workspace_from_grasp, target)) };
     let target = scene.nearest(halted.translation).unwrap_or(0);

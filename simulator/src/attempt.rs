@@ -151,8 +151,8 @@ impl<'a> AttemptWorld<'a> {
     /// Where the open hand halts that stops at the first touch of its way instead of giving up; the grasp itself if
     /// nothing is in the way, and `None` if something is at the pre-grasp.
     #[must_use]
-    pub fn halted(&self, workspace_from_grasp: &Pose, target: usize) -> Option<Pose> {
-        let back_m = self.procedure.pregrasp_distance_m - self.gate.free_way_m(workspace_from_grasp, target)?;
+    pub fn halted(&self, workspace_from_grasp: &Pose) -> Option<Pose> {
+        let back_m = self.procedure.pregrasp_distance_m - self.gate.free_way_m(workspace_from_grasp)?;
         let grasp_from_halted = Pose::from_translation(Vec3::new(0.0, 0.0, -back_m.max(0.0)));
         Some(*workspace_from_grasp * grasp_from_halted)
     }

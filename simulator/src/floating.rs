@@ -191,7 +191,7 @@ impl<'a> FloatingWorld<'a> {
     /// `None` if it touches the object at the pre-grasp.
     #[must_use]
     pub fn stops_short_m(&self, object_from_grasp: &Pose) -> Option<f32> {
-        let way_m = self.world.gate.free_way_m(object_from_grasp, 0)?;
+        let way_m = self.world.gate.free_way_m(object_from_grasp)?;
         Some((self.world.procedure.pregrasp_distance_m - way_m).max(0.0))
     }
 }

@@ -76,17 +76,46 @@ impl Gate {
     /// How far the open hand comes on its way from the pre-grasp before it touches anything, at most to the grasp, in
     /// metres, to a thousandth of the way; `None` if it touches something at the pre-grasp.
     #[must_use]
-    pub fn free_way_m(&self, workspace_from_grasp: &Pose, target: usize) -> Option<f32> {
+    pub fn free_way_m(&self, workspace_from_grasp: &Pose) -> Option<f32> {
         let way_m = self.approach[0].half_m.z - self.pregrasp[0].half_m.z;
-        let free = |share: f32| {
+        let swept = |share: f32| {
             let along = Vec3::new(0.0, 0.0, share * way_m);
-            let swept = self.pregrasp.map(|b| HandBox { centre_m: b.centre_m + along, half_m: b.half_m + along });
-            self.first_hit(&swept, workspace_from_grasp, target).is_none()
+            self.pregrasp.map(|b| HandBox { centre_m: b.centre_m + along, half_m: b.half_m + along })
         };
-        if free(1.0) {
+        // What a box does not touch on the whole way, it touches on no part of it.
+        let touched = self.touched(&swept(1.0), workspace_from_grasp);
+        let free = |share: f32| {
+            let boxes = swept(share);
+            touched.iter().all(|(which, part)| !part.overlaps(&boxes[*which]))
+                && !self.is_in_table(&boxes, workspace_from_grasp)
+        };
+        if touched.is_empty() && free(1.0) {
             return Some(2.0 * way_m);
         }
         free(0.0).then(|| farthest(1.0, free) * 2.0 * way_m)
+    }
+
+    /// Each box with each part of objects and fixtures that it overlaps, in the frame of a grasp.
+    fn touched(&self, boxes: &[HandBox; 3], workspace_from_grasp: &Pose) -> Vec<(usize, EdgedPart)> {
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        let obstacles = self.obstacles.iter().map(|(hulls, pose)| (hulls, grasp_from_workspace * *pose));
+        let all = obstacles.chain([(&self.fixtures, grasp_from_workspace)]);
+        let parts = all.flat_map(|(hulls, pose)| hulls.iter().map(move |hull| (hull, pose)));
+        let mut touched = Vec::new();
+        for (hull, grasp_from_part) in parts {
+            let Some(part) = EdgedPart::near(hull, &grasp_from_part, boxes) else { continue };
+            for (which, hand_box) in boxes.iter().enumerate() {
+                if part.overlaps(hand_box) {
+                    touched.push((which, part.clone()));
+                }
+            }
+        }
+        touched
+    }
+
+    fn is_in_table(&self, boxes: &[HandBox; 3], workspace_from_grasp: &Pose) -> bool {
+        let low = boxes.iter().map(|b| b.lowest_z_m(workspace_from_grasp)).fold(f32::INFINITY, f32::min);
+        low < self.table_z_m
     }
 
     /// Where the objects are.
@@ -174,8 +203,7 @@ impl Gate {
         if self.touches_fixtures(workspace_from_grasp, boxes) {
             return Some(Hit::CONTAINER);
         }
-        let low = boxes.iter().map(|b| b.lowest_z_m(workspace_from_grasp)).fold(f32::INFINITY, f32::min);
-        (low < self.table_z_m).then_some(Hit::TABLE)
+        self.is_in_table(boxes, workspace_from_grasp).then_some(Hit::TABLE)
     }
 }
 
@@ -194,34 +222,55 @@ fn placed(hulls: &[TestedPart], pose: &Pose) -> Vec<PlacedPart> {
 }
 
 fn touches(hull: &TestedPart, grasp_from_object: &Pose, boxes: &[HandBox]) -> bool {
-    let centre_m = grasp_from_object.transform_point(hull.centre_m);
-    let near = |b: &HandBox| {
-        let outside = ((centre_m - b.centre_m).abs() - b.half_m).max(Vec3::ZERO);
-        outside.length_squared() <= hull.radius_m * hull.radius_m
-    };
-    if !boxes.iter().any(near) {
-        return false;
-    }
-    let placed = hull.placed(grasp_from_object);
-    let edges: Vec<Vec3> = hull.edges.iter().map(|e| grasp_from_object.rotation * *e).collect();
-    boxes.iter().any(|b| near(b) && overlaps(b, &placed, &edges))
+    EdgedPart::near(hull, grasp_from_object, boxes).is_some_and(|part| boxes.iter().any(|b| part.overlaps(b)))
 }
 
-/// Whether a box and a convex part overlap, by separating axes: the box's axes, the solid's normals, and the products
-/// of their edges. All in the box's axes.
-///
-/// (parry's own test runs GJK, which took a faceted cylinder half a millimetre away for a touching one.)
-fn overlaps(hand_box: &HandBox, hull: &PlacedPart, edges: &[Vec3]) -> bool {
-    let parted = |axis: Vec3| {
-        let [low, high] = hull.span(axis);
-        let (middle, reach) = (axis.dot(hand_box.centre_m), axis.abs().dot(hand_box.half_m));
-        low - middle > reach || high - middle < -reach
-    };
-    let axes = [Vec3::X, Vec3::Y, Vec3::Z];
-    let crossed = axes.iter().flat_map(|a| edges.iter().map(|e| a.cross(*e)));
-    // Parallel edges give no axis of their own.
-    let useful = crossed.filter(|axis| axis.length_squared() > 1e-6);
-    !axes.into_iter().chain(hull.normals.iter().copied()).chain(useful).any(parted)
+/// A part in the frame of a grasp, with the directions of its edges.
+#[derive(Clone)]
+struct EdgedPart {
+    part: PlacedPart,
+    edges: Vec<Vec3>,
+}
+
+impl EdgedPart {
+    /// A part that is near one of some boxes.
+    fn near(hull: &TestedPart, grasp_from_object: &Pose, boxes: &[HandBox]) -> Option<Self> {
+        let centre_m = grasp_from_object.transform_point(hull.centre_m);
+        boxes.iter().any(|b| is_near(centre_m, hull.radius_m, b)).then(|| Self {
+            part: hull.placed(grasp_from_object),
+            edges: hull.edges.iter().map(|e| grasp_from_object.rotation * *e).collect(),
+        })
+    }
+
+    /// Whether a box and the part overlap, by separating axes: the box's axes, the solid's normals, and the products
+    /// of their edges. All in the box's axes.
+    ///
+    /// (parry's own test runs GJK, which took a faceted cylinder half a millimetre away for a touching one.)
+    fn overlaps(&self, hand_box: &HandBox) -> bool {
+        let Self { part, edges } = self;
+        let parted = |axis: Vec3| {
+            let [low, high] = part.span(axis);
+            let (middle, reach) = (axis.dot(hand_box.centre_m), axis.abs().dot(hand_box.half_m));
+            low - middle > reach || high - middle < -reach
+        };
+        let axes = [Vec3::X, Vec3::Y, Vec3::Z];
+        if !is_near(part.centre_m, part.radius_m, hand_box) || axes.into_iter().any(parted) {
+            return false;
+        }
+        if part.has_corner_in(hand_box) {
+            return true;
+        }
+        let crossed = axes.iter().flat_map(|a| edges.iter().map(|e| a.cross(*e)));
+        // Parallel edges give no axis of their own.
+        let useful = crossed.filter(|axis| axis.length_squared() > 1e-6);
+        !part.normals.iter().copied().chain(useful).any(parted)
+    }
+}
+
+/// Whether a ball comes near a box.
+fn is_near(centre_m: Vec3, radius_m: f32, hand_box: &HandBox) -> bool {
+    let outside = ((centre_m - hand_box.centre_m).abs() - hand_box.half_m).max(Vec3::ZERO);
+    outside.length_squared() <= radius_m * radius_m
 }
 
 #[cfg(test)]

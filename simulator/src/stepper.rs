@@ -26,7 +26,7 @@ use jaws::Jaws;
 use patch::{Frame, Patch, Scratch};
 use shape::Thing;
 
-pub(crate) use shape::Things;
+pub(crate) use shape::{Things, Wide3, span, wide};
 
 /// rapier's damping ratio of contact springs.
 const CONTACT_DAMPING_RATIO: f32 = 10.0;

@@ -2,6 +2,13 @@
 
 use schema::{HandBox, Polyhedron, Pose, Vec3};
 
+use wide::f32x4;
+
+use crate::stepper::{Wide3, span, wide};
+
+/// Coordinates within a metre are exact to this.
+const ROUNDING_M: f32 = 1e-6;
+
 /// A convex part of an object, in the object's frame.
 #[derive(Debug, Clone)]
 pub(crate) struct TestedPart {
@@ -18,7 +25,8 @@ pub(crate) struct TestedPart {
 pub(crate) struct PlacedPart {
     pub(crate) centre_m: Vec3,
     pub(crate) radius_m: f32,
-    pub(crate) corners_m: Vec<Vec3>,
+    /// Four at a time.
+    corners_m: Vec<Wide3>,
     pub(crate) normals: Vec<Vec3>,
 }
 
@@ -34,10 +42,14 @@ impl TestedPart {
     }
 
     pub(crate) fn placed(&self, pose: &Pose) -> PlacedPart {
+        let moved = |corners_m: &[Vec3]| {
+            let at = |lane: usize| pose.transform_point(corners_m[lane.min(corners_m.len() - 1)]);
+            wide(&[at(0), at(1), at(2), at(3)])
+        };
         PlacedPart {
             centre_m: pose.transform_point(self.centre_m),
             radius_m: self.radius_m,
-            corners_m: self.corners_m.iter().map(|c| pose.transform_point(*c)).collect(),
+            corners_m: self.corners_m.chunks(4).map(moved).collect(),
             normals: self.normals.iter().map(|n| pose.rotation * *n).collect(),
         }
     }
@@ -52,16 +64,24 @@ impl PlacedPart {
         Self {
             centre_m,
             radius_m: hand_box.half_m.length(),
-            corners_m: (0..8).map(corner).collect(),
+            corners_m: vec![wide(&[0, 1, 2, 3].map(corner)), wide(&[4, 5, 6, 7].map(corner))],
             normals: vec![Vec3::X, Vec3::Y, Vec3::Z],
         }
     }
 
     /// The interval that the part covers along an axis.
     pub(crate) fn span(&self, axis: Vec3) -> [f32; 2] {
-        self.corners_m.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], corner| {
-            let x = axis.dot(*corner);
-            [low.min(x), high.max(x)]
+        span(&self.corners_m, axis)
+    }
+
+    /// Whether a corner is within a box, by more than rounding.
+    pub(crate) fn has_corner_in(&self, hand_box: &HandBox) -> bool {
+        self.corners_m.iter().any(|corners| {
+            let is_within = |axis: usize| {
+                let half_m = hand_box.half_m[axis] - ROUNDING_M;
+                (corners[axis] - f32x4::splat(hand_box.centre_m[axis])).abs().simd_lt(f32x4::splat(half_m))
+            };
+            (is_within(0) & is_within(1) & is_within(2)).any()
         })
     }
 

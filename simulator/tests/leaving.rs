@@ -75,7 +75,7 @@ fn a_hand_that_the_gate_stops_leaves_the_scene_as_it_was() {
 fn a_hand_that_halts_at_the_first_touch_closes_there() {
     let (scene, gripper) = (scene(1.0), gripper());
     let world = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &Procedure::PAPER, &scene);
-    let halted = world.halted(&grasp(0.0, 0.045), 0).unwrap();
+    let halted = world.halted(&grasp(0.0, 0.045)).unwrap();
     assert!(distance_m(&halted, &grasp(0.0, 0.051)) < 1e-4, "{halted:?}");
     let (execution, poses) = world.close_and_lift(&halted, 0);
     assert_eq!(execution.outcome, Outcome::Held);
@@ -83,8 +83,8 @@ fn a_hand_that_halts_at_the_first_touch_closes_there() {
 
     for lean_rad in [0.0, 0.3] {
         let free = grasp(lean_rad, 0.075);
-        assert!(distance_m(&world.halted(&free, 0).unwrap(), &free) < 1e-6, "nothing is in the way");
-        assert_eq!(world.halted(&grasp(lean_rad, -0.02), 0), None, "the pre-grasp is in the table");
+        assert!(distance_m(&world.halted(&free).unwrap(), &free) < 1e-6, "nothing is in the way");
+        assert_eq!(world.halted(&grasp(lean_rad, -0.02)), None, "the pre-grasp is in the table");
     }
 }
 

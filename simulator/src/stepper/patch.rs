@@ -10,7 +10,7 @@
 use schema::Vec3;
 use wide::f32x4;
 
-use super::shape::{Edge, Hull, Part, along};
+use super::shape::{Edge, Hull, Part, along, bits};
 
 /// Points this far apart are contacts already, so that a step cannot carry bodies through each other.
 pub(super) const PREDICTION_M: f32 = 0.002;
@@ -20,6 +20,8 @@ const TOUCHING_M: f32 = 0.000_2;
 const EDGE_PREFERENCE_M: f32 = 0.000_05;
 /// A face is as deep as it says if a point is within this of it.
 const DEEP_M: f32 = 0.000_01;
+/// Sums of a few decimetres are exact to this.
+const ROUNDING_M: f32 = 1e-6;
 /// Where bodies overlap by more than this, edges are asked even if a face would do.
 const OVERLAP_M: f32 = 0.000_15;
 
@@ -51,6 +53,10 @@ pub(super) struct Scratch {
     near: Vec<(Vec3, f32)>,
     /// A face's normal along each of a box's axes.
     turned: Vec<[f32x4; 3]>,
+    /// How far a box's centre is outside of a face.
+    outside_m: Vec<f32x4>,
+    /// Edges that are to be asked, as bits.
+    asked: Vec<u64>,
     seen: Hull,
 }
 
@@ -169,6 +175,14 @@ pub(super) fn on_box(
     // Everything in the part's frame, where nothing of it has to be moved.
     let centre_m = frame.in_body(box_centre_m);
     let box_axes: [Vec3; 3] = core::array::from_fn(|k| Vec3::new(frame.axes[0][k], frame.axes[1][k], frame.axes[2][k]));
+    let [middle_m, reach_m] = hull.box_m;
+    let is_apart = |(k, axis): (usize, &Vec3)| {
+        let apart_m = axis.dot(middle_m - centre_m).abs() - axis.abs().dot(reach_m) - half_m[k];
+        apart_m > PREDICTION_M + ROUNDING_M
+    };
+    if box_axes.iter().enumerate().any(is_apart) {
+        return None;
+    }
     let mut best = Best { gap_m: f32::NEG_INFINITY, face: Side::First(0), normal: Vec3::ZERO };
     for (k, axis) in box_axes.iter().enumerate() {
         let ([low, high], middle) = (hull.span(*axis), axis.dot(centre_m));
@@ -182,13 +196,19 @@ pub(super) fn on_box(
         return None;
     }
     scratch.turned.clear();
+    scratch.outside_m.clear();
     let (h0, h1, h2) = (f32x4::splat(half_m.x), f32x4::splat(half_m.y), f32x4::splat(half_m.z));
     for (group, (normals, offsets)) in hull.wide_normals.iter().zip(&hull.wide_offsets).enumerate() {
         let turned = box_axes.map(|axis| along(normals, axis));
         let reach = turned[0].abs() * h0 + turned[1].abs() * h1 + turned[2].abs() * h2;
-        let gaps = (along(normals, centre_m) - *offsets - reach).to_array();
+        let outside_m = along(normals, centre_m) - *offsets;
+        let gaps = outside_m - reach;
         scratch.turned.push(turned);
-        for (lane, gap_m) in gaps.into_iter().enumerate() {
+        scratch.outside_m.push(outside_m);
+        if !gaps.simd_gt(f32x4::splat(best.gap_m + 1e-6)).any() {
+            continue;
+        }
+        for (lane, gap_m) in gaps.to_array().into_iter().enumerate() {
             // A box's face is preferred.
             if gap_m > best.gap_m + 1e-6 {
                 let face = (4 * group + lane).min(hull.normals.len() - 1);
@@ -205,7 +225,7 @@ pub(super) fn on_box(
         return patch;
     }
     let least_m = best.gap_m + if patch.is_some() { EDGE_PREFERENCE_M } else { 0.0 };
-    let Some((gap_m, out, edge, k)) = hand_box.apart_by_edges(part, &scratch.turned, least_m) else { return patch };
+    let Some((gap_m, out, edge, k)) = hand_box.apart_by_edges(part, scratch, least_m) else { return patch };
     if gap_m > PREDICTION_M {
         return None;
     }
@@ -230,17 +250,22 @@ struct TurnedBox {
 
 impl TurnedBox {
     /// The widest gap, if it is wider than `least_m`, along the common normal of an edge of the part and one of the
-    /// box: the gap, the normal out of the part, the part's edge, and the axis of the box's. `turned` are the normals
-    /// of the part's faces along the box's axes.
+    /// box: the gap, the normal out of the part, the part's edge, and the axis of the box's. `seen` has the part's
+    /// faces as the box sees them.
     fn apart_by_edges<'a>(
         &self,
         part: &'a Part,
-        turned: &[[f32x4; 3]],
+        seen: &mut Scratch,
         mut least_m: f32,
     ) -> Option<(f32, Vec3, &'a Edge, usize)> {
-        let hull = &part.hull;
+        let (hull, Scratch { turned, outside_m, asked, .. }) = (&part.hull, seen);
+        // However a box is turned, it reaches as far as its shortest side does. Seen from an edge, the box's centre is
+        // no further along a normal between those of the edge's two faces than `stretch` times what it is along one.
+        let far_m = least_m + self.half_m.min_element() - ROUNDING_M;
+        let from_m = (far_m / part.stretch).min(far_m);
+        part.mark_edges(outside_m, from_m, asked);
         let mut found = None;
-        for edge in &part.edges {
+        for edge in bits(asked).map(|number| &part.edges[number]) {
             let [a, b]: [[f32; 3]; 2] =
                 edge.faces.map(|face| core::array::from_fn(|k| turned[face / 4][k].as_array()[face % 4]));
             for k in 0..3 {

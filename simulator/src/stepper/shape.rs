@@ -1,6 +1,6 @@
 //! What a step asks of an object: its convex parts laid out for contacts, and its mass.
 
-use schema::{Polyhedron, Pose, Quat, Vec3};
+use schema::{Polyhedron, Pose, Quat, Vec3, bounds_m};
 use wide::f32x4;
 
 use crate::engine::{EngineBody, UNITS_PER_M};
@@ -31,7 +31,26 @@ impl Things {
 }
 
 /// One coordinate each of four points or normals.
-pub(super) type Wide3 = [f32x4; 3];
+pub(crate) type Wide3 = [f32x4; 3];
+
+/// Four points or normals; the last of fewer is repeated to fill up.
+pub(crate) fn wide(points: &[Vec3]) -> Wide3 {
+    let at = |lane: usize| points[lane.min(points.len() - 1)];
+    core::array::from_fn(|axis| f32x4::from(core::array::from_fn(|lane| at(lane)[axis])))
+}
+
+/// The interval that points cover along an axis.
+pub(crate) fn span(points: &[Wide3], axis: Vec3) -> [f32; 2] {
+    let first = points.first().map_or(f32x4::ZERO, |c| along(c, axis));
+    let (mut low, mut high) = (first, first);
+    for points in &points[1..] {
+        let x = along(points, axis);
+        low = low.fast_min(x);
+        high = high.fast_max(x);
+    }
+    let (low, high) = (low.to_array(), high.to_array());
+    [low[0].min(low[1]).min(low[2].min(low[3])), high[0].max(high[1]).max(high[2].max(high[3]))]
+}
 
 /// An object, in its own frame.
 pub(super) struct Thing {
@@ -54,6 +73,10 @@ pub(super) struct Part {
     pub(super) hull: Hull,
     pub(super) edges: Vec<Edge>,
     pub(super) faces: Vec<FaceOf>,
+    /// Of each face, the edges about it: a bit for every edge, in words of 64.
+    pub(super) edges_of: Vec<Vec<u64>>,
+    /// The largest of the edges' [`Edge::stretch`].
+    pub(super) stretch: f32,
     /// Whether it is one of the four solids. Such a one touches a plane with one face, so that datasets of primitives
     /// keep their bytes.
     pub(super) is_solid: bool,
@@ -64,6 +87,8 @@ pub(super) struct Part {
 pub(super) struct Hull {
     pub(super) centre_m: Vec3,
     pub(super) radius_m: f32,
+    /// Middle and half lengths of its bounding box; of a hull that is seen from another frame those of its own.
+    pub(super) box_m: [Vec3; 2],
     pub(super) corners_m: Vec<Vec3>,
     pub(super) normals: Vec<Vec3>,
     pub(super) offsets_m: Vec<f32>,
@@ -77,6 +102,8 @@ pub(super) struct Hull {
 pub(super) struct Edge {
     pub(super) corners: [usize; 2],
     pub(super) faces: [usize; 2],
+    /// A mean of the normals of the two faces, however weighted, is no shorter than the inverse of this.
+    pub(super) stretch: f32,
 }
 
 /// A face's corners in order, and for each side the half-space on its inner side (outward normal in the face's plane,
@@ -133,11 +160,15 @@ impl Part {
             for (a, b) in pairs(&face.ring) {
                 let across = |other: &FaceOf| pairs(&other.ring).any(|side| side == (b, a));
                 if let Some(second) = faces[first + 1..].iter().position(across) {
-                    edges.push(Edge { corners: [a, b], faces: [first, first + 1 + second] });
+                    let faces = [first, first + 1 + second];
+                    let [one, other] = faces.map(|face| polyhedron.faces()[face].plane.normal);
+                    edges.push(Edge { corners: [a, b], faces, stretch: 2.0 / (one + other).length() });
                 }
             }
         }
+        let [low_m, high_m] = bounds_m(&corners_m);
         let mut hull = Hull {
+            box_m: [0.5 * (low_m + high_m), 0.5 * (high_m - low_m)],
             centre_m: polyhedron.centre_m(),
             radius_m: polyhedron.radius_m(),
             corners_m,
@@ -146,20 +177,46 @@ impl Part {
             ..Hull::default()
         };
         hull.widen();
-        Self { hull, edges, faces, is_solid }
+        let mut edges_of = vec![vec![0; edges.len().div_ceil(64)]; faces.len()];
+        for (number, edge) in edges.iter().enumerate() {
+            edge.faces.iter().for_each(|face| edges_of[*face][number / 64] |= 1 << (number % 64));
+        }
+        let stretch = edges.iter().map(|edge| edge.stretch).fold(1.0, f32::max);
+        Self { hull, edges, faces, edges_of, stretch, is_solid }
     }
+}
+
+impl Part {
+    /// Sets the bits of the edges about the faces of which something is outside by `from_m` or more; `outside_m` has
+    /// four faces at a time.
+    pub(super) fn mark_edges(&self, outside_m: &[f32x4], from_m: f32, marked: &mut Vec<u64>) {
+        marked.clear();
+        marked.resize(self.edges.len().div_ceil(64), 0);
+        for (group, outside_m) in outside_m.iter().enumerate() {
+            let lanes = outside_m.simd_ge(f32x4::splat(from_m)).to_bitmask();
+            for face in (0..4).filter(|lane| lanes >> lane & 1 == 1).map(|lane| 4 * group + lane) {
+                let Some(edges) = self.edges_of.get(face) else { break };
+                marked.iter_mut().zip(edges).for_each(|(marked, edges)| *marked |= edges);
+            }
+        }
+    }
+}
+
+/// The places of the bits that are set, in order.
+pub(super) fn bits(words: &[u64]) -> impl Iterator<Item = usize> {
+    words.iter().enumerate().flat_map(|(place, word)| {
+        let next = |word: &u64| Some(word & (word - 1)).filter(|word| *word != 0);
+        core::iter::successors(Some(*word).filter(|word| *word != 0), next)
+            .map(move |word| 64 * place + word.trailing_zeros() as usize)
+    })
 }
 
 impl Hull {
     fn widen(&mut self) {
-        let group = |points: &[Vec3]| -> Wide3 {
-            let at = |lane: usize| points[lane.min(points.len() - 1)];
-            core::array::from_fn(|axis| f32x4::from(core::array::from_fn(|lane| at(lane)[axis])))
-        };
         self.wide_corners.clear();
-        self.wide_corners.extend(self.corners_m.chunks(4).map(group));
+        self.wide_corners.extend(self.corners_m.chunks(4).map(wide));
         self.wide_normals.clear();
-        self.wide_normals.extend(self.normals.chunks(4).map(group));
+        self.wide_normals.extend(self.normals.chunks(4).map(wide));
         self.wide_offsets.clear();
         self.wide_offsets.extend(
             self.offsets_m.chunks(4).map(|o| f32x4::from(core::array::from_fn(|lane| o[lane.min(o.len() - 1)]))),
@@ -182,22 +239,18 @@ impl Hull {
 
     /// The interval that the hull covers along an axis.
     pub(super) fn span(&self, axis: Vec3) -> [f32; 2] {
-        let first = self.wide_corners.first().map_or(f32x4::ZERO, |c| along(c, axis));
-        let (mut low, mut high) = (first, first);
-        for corners in &self.wide_corners[1..] {
-            let x = along(corners, axis);
-            low = low.fast_min(x);
-            high = high.fast_max(x);
-        }
-        let (low, high) = (low.to_array(), high.to_array());
-        [low[0].min(low[1]).min(low[2].min(low[3])), high[0].max(high[1]).max(high[2].max(high[3]))]
+        span(&self.wide_corners, axis)
     }
 
     /// The face whose normal points most along `axis`.
     pub(super) fn face_towards(&self, axis: Vec3) -> usize {
         let mut best = (0, f32::NEG_INFINITY);
         for (group, normals) in self.wide_normals.iter().enumerate() {
-            for (lane, x) in along(normals, axis).to_array().into_iter().enumerate() {
+            let along = along(normals, axis);
+            if !along.simd_gt(f32x4::splat(best.1)).any() {
+                continue;
+            }
+            for (lane, x) in along.to_array().into_iter().enumerate() {
                 if x > best.1 {
                     best = (4 * group + lane, x);
                 }
@@ -210,7 +263,7 @@ impl Hull {
 
 /// The coordinate of four points along an axis.
 #[inline(always)]
-pub(super) fn along(points: &Wide3, axis: Vec3) -> f32x4 {
+pub(crate) fn along(points: &Wide3, axis: Vec3) -> f32x4 {
     points[0] * f32x4::splat(axis.x) + points[1] * f32x4::splat(axis.y) + points[2] * f32x4::splat(axis.z)
 }
 
