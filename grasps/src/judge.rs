@@ -1,21 +1,23 @@
 //! The judge decides: hands are proposed on what was seen, and the network says how each attempt would end.
 
 use network::checkpoint::Checkpoint;
-use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, probabilities, robustness};
+use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, Screen, probabilities, robustness};
 use program::Failure;
 use rayon::prelude::*;
-use schema::{Grasp, Grid, Gripper, Outcome, Stream, Vec3};
+use schema::{Grasp, Grid, Gripper, Outcome, Pose, Stream, Vec3};
 
 use crate::{AreWanted, CandidateSampler, ObservedScene, Space, kept};
 
 /// Hands that one thread judges together.
 const TOGETHER: usize = 8;
+/// Hands at which one thread looks quickly together.
+const SCREENED: usize = 32;
 
 /// Where fewer than [`SURE_MIN`] hands hold with more than this probability, hands are proposed again …
 const SURE: f32 = 0.95;
 const SURE_MIN: usize = 3;
-/// … up to this many times in all.
-const SEARCHES_MAX: usize = 4;
+/// … so many times as many, at the second and the third time.
+const SEARCHES: [usize; 3] = [1, 2, 2];
 /// A further search is for hands nearer than this to one that holds with more than this probability: most of what is
 /// seen of a bin is wall, which no hand can lift.
 const NEAR_M: f32 = 0.03;
@@ -24,7 +26,7 @@ const HOPE: f32 = 0.1;
 const ABOUT_M: f32 = 0.01;
 /// Number of the best hands apart from each other that are looked at more closely: they are moved to where they fit
 /// better, if the judge is as sure of them there but for [`AS_SURE`], and their mirror images are judged, too.
-const LEADERS: usize = 32;
+const LEADERS: usize = 16;
 const AS_SURE: f32 = 0.01;
 
 /// A judge, prepared for a hand on a grid.
@@ -94,7 +96,7 @@ impl Judge {
     pub fn scored_grasps(
         &self,
         seen: ObservedScene<'_>,
-        (proposals, apart_m): (usize, f32),
+        ([proposals, asked], apart_m): ([usize; 2], f32),
         stream: &mut Stream,
         (about_m, are_wanted): (&[Vec3], &AreWanted<'_>),
         better: &(dyn Fn(&Grasp) -> Option<Grasp> + Sync),
@@ -104,8 +106,9 @@ impl Judge {
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let mut judged: Vec<ScoredGrasp> = Vec::new();
         let mut wanted = space.near(about_m, ABOUT_M);
-        for _ in 0..SEARCHES_MAX {
-            let hands = self.sampler.search(&space, (&wanted, are_wanted), proposals, stream);
+        for times in SEARCHES {
+            let hands = self.sampler.search(&space, (&wanted, are_wanted), times * proposals, stream);
+            let hands = self.likeliest(scene, hands, asked);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
             judged.extend(parts.into_iter().flatten());
             if hands.is_empty() || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {
@@ -146,6 +149,21 @@ impl Judge {
         let mut all = sorted(best);
         all.extend(rest);
         all
+    }
+
+    /// Of many hands the `asked` ones that a quick look finds likeliest to hold, in their order.
+    fn likeliest(&self, (grid, views): (&PaddedGrid, usize), hands: Vec<Grasp>, asked: usize) -> Vec<Grasp> {
+        let Some(screen) = Screen::built_in().filter(|_| asked < hands.len()) else { return hands };
+        let logits = |hands: &[Grasp]| {
+            let poses: Vec<Pose> = hands.iter().map(|hand| hand.workspace_from_grasp).collect();
+            screen.logits(&self.crop, grid, views, &poses)
+        };
+        let logits = hands.par_chunks(SCREENED).map(logits).collect::<Vec<_>>().concat();
+        let mut order: Vec<usize> = (0..hands.len()).collect();
+        order.sort_by(|a, b| logits[*b].total_cmp(&logits[*a]));
+        order.truncate(asked);
+        order.sort_unstable();
+        order.into_iter().map(|number| hands[number]).collect()
     }
 
     /// What the network says of hands, which are seen mirrored or not.

@@ -6,26 +6,19 @@
 //! The [`Judge`] predicts whether a proposal succeeds.
 
 mod judge;
+mod space;
 
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_6, PI};
 
-use network::judge::PaddedGrid;
-use perception::{
-    Field as _, SurfaceBlocks, TRUNCATION_VOXELS, mean_distance, normals, surface_cloud, surface_of_blocks,
-};
+use perception::SurfaceBlocks;
 use rayon::prelude::*;
 use schema::{Grasp, Gripper, HandBox, Mat3, Pose, Quat, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts};
 
 pub use judge::{Judge, ScoredGrasp};
+use space::{Looks, Space, looks_of};
 
-/// Distance between the points of the surface that hands touch.
-const PITCH_M: f32 = 0.005;
-/// Points nearer to the table than this belong to the table.
-const TABLE_M: f32 = 0.004;
 /// Share of hands whose finger closes along the normal; the others come along it.
 const CLOSING_SHARE: f32 = 0.7;
-/// A finger closes along a normal only if the normal rises or falls by less than this sine.
-const CLOSING_RISE_MAX: f32 = 0.85;
 /// Maximum tilt of a hand that comes along a normal.
 const TILT_RAD_MAX: f32 = FRAC_PI_6;
 /// Approaches rise by at most this sine: they come from above or from the side.
@@ -38,17 +31,6 @@ const WIDTH_M_MIN: f32 = 0.006;
 const INTO_M: f32 = 0.008;
 /// How deep under a touched point the walk to the opposite side begins: on the surface itself noise decides.
 const UNDER_M: f32 = 0.004;
-/// Step of the walk through an object to its side.
-const WALK_M: f32 = 0.002;
-/// Distance between the points of the swept hand at which the field is looked up.
-const LOOK_M: f32 = 0.0075;
-/// A hand is in the way of what was seen where the field is below this, in truncations: 6 mm deep in the paper's grid,
-/// because the field is coarse.
-const INSIDE: f32 = -0.2;
-/// Where a finer field is given, it is asked too, about points that are nearer than this to a surface, in truncations …
-const NEAR: f32 = 0.3;
-/// … and a hand is in the way of what it shows where that is deeper than this.
-const INSIDE_FINE_M: f32 = 0.001;
 /// Draws for each wanted hand after which the search ends.
 const TRIES_MAX: usize = 40;
 /// Draws that are examined together.
@@ -72,8 +54,8 @@ pub struct ObservedScene<'a> {
 pub struct CandidateSampler {
     span_m: f32,
     swept: [HandBox; 3],
-    /// Points of the swept hand in the grasp frame, the tips first.
-    looks_m: Vec<Vec3>,
+    /// Points of the swept hand in the grasp frame, in groups, those at the tips first.
+    looks: Vec<Looks>,
 }
 
 /// What is drawn for one proposal.
@@ -117,9 +99,9 @@ impl CandidateSampler {
     #[must_use]
     pub fn new(gripper: &Gripper, pregrasp_distance_m: f32) -> Self {
         let swept = gripper.open_hand().map(|b| b.swept_back(pregrasp_distance_m).grown(gripper.clearance_m));
-        let mut looks_m: Vec<Vec3> = swept.iter().flat_map(points_of).collect();
-        looks_m.sort_by(|a, b| b.z.total_cmp(&a.z));
-        Self { span_m: gripper.span_m(), swept, looks_m }
+        let mut looks: Vec<Looks> = swept.iter().flat_map(looks_of).collect();
+        looks.sort_by(|a, b| b.middle_m.z.total_cmp(&a.middle_m.z));
+        Self { span_m: gripper.span_m(), swept, looks }
     }
 
     /// At most `count` hands in a scene, with the widths on which they close as far as these were seen; fewer if no
@@ -162,29 +144,34 @@ impl CandidateSampler {
         let span_m = self.span_m;
         let (rotation, width_m, centre_m) = if draw.closes {
             let rotation = approach_about(normal, FRAC_PI_2 * draw.turn_rad, draw.flip);
-            let behind_m = space.way_out_m(point_m - UNDER_M * normal, -normal, span_m - UNDER_M);
+            if rises(rotation) {
+                return None;
+            }
+            // The same for each hand that closes at this point.
+            let behind_m = *space.behind_m[draw.point]
+                .get_or_init(|| space.way_out_m(point_m - UNDER_M * normal, -normal, span_m - UNDER_M));
             let width_m =
                 behind_m.map_or(WIDTH_M_MIN + draw.width * (span_m - WIDTH_M_MIN), |behind_m| UNDER_M + behind_m);
             (rotation, width_m, point_m - 0.5 * width_m * normal)
         } else {
             let tilted = axis_angle(perpendicular(normal, PI * draw.offset), draw.tilt_rad) * normal;
             let rotation = closing_about(-tilted, PI * draw.turn_rad);
+            if rises(rotation) {
+                return None;
+            }
             let (middle_m, across) = (point_m - INTO_M * normal, rotation * Vec3::Y);
-            let [before_m, behind_m] = [-across, across].map(|along| space.way_out_m(middle_m, along, span_m));
-            match (before_m, behind_m) {
-                (Some(before_m), Some(behind_m)) => {
+            let out_m = |along: Vec3| space.way_out_m(middle_m, along, span_m);
+            match out_m(-across).and_then(|before_m| Some((before_m, out_m(across)?))) {
+                Some((before_m, behind_m)) => {
                     (rotation, before_m + behind_m, point_m + 0.5 * (behind_m - before_m) * across)
                 }
-                _ => (rotation, draw.width * span_m, point_m),
+                None => (rotation, draw.width * span_m, point_m),
             }
         };
         if width_m > span_m || (draw.closes && width_m < WIDTH_M_MIN) {
             return None;
         }
         let approach = rotation * Vec3::Z;
-        if approach.z > APPROACH_RISE_MAX {
-            return None;
-        }
         // What is between the fingers need not be in their middle.
         let slack_m = 0.25 * (span_m - width_m) * draw.offset;
         let middle_m = centre_m + rotation * Vec3::new(0.0, slack_m, 0.0);
@@ -208,99 +195,13 @@ impl CandidateSampler {
     /// Whether neither the table nor what was seen is in a hand's way.
     fn is_free(&self, space: &Space<'_>, workspace_from_grasp: &Pose) -> bool {
         let Pose { rotation, translation, .. } = *workspace_from_grasp;
-        self.above_m(space, workspace_from_grasp) >= 0.0 && !space.is_in_the_way(rotation, translation, &self.looks_m)
+        self.above_m(space, workspace_from_grasp) >= 0.0 && !space.is_in_the_way(rotation, translation, &self.looks)
     }
 }
 
-/// What was seen of a scene, for many questions about single points.
-struct Space<'a> {
-    field: &'a VoxelGrid,
-    padded: PaddedGrid,
-    /// The finer field.
-    fine: Option<&'a SurfaceBlocks>,
-    /// Points of the surface of things with their normals: all, and those on which a finger can close.
-    surfaces: [Vec<(Vec3, Vec3)>; 2],
-    /// Voxels in a metre, and along x, y and z.
-    per_m: f32,
-    sides: Vec3,
-}
-
-impl<'a> Space<'a> {
-    fn new(field: &'a VoxelGrid, fine: Option<&'a SurfaceBlocks>, [low_m, high_m]: [Vec3; 2]) -> Self {
-        let above_m = field.lattice.table_z_m + TABLE_M;
-        let mut things_m = fine.map_or_else(|| surface_cloud(field, PITCH_M), |fine| surface_of_blocks(fine, PITCH_M));
-        things_m.retain(|at| at.z > above_m && at.cmpge(low_m).all() && at.cmple(high_m).all());
-        let normals = fine.map_or_else(|| normals(field, &things_m), |fine| normals(fine, &things_m));
-        let has_normal = |(_, normal): &(Vec3, Vec3)| *normal != Vec3::ZERO;
-        let all: Vec<(Vec3, Vec3)> = things_m.into_iter().zip(normals).filter(has_normal).collect();
-        let sides = all.iter().copied().filter(|(_, normal)| normal.z.abs() <= CLOSING_RISE_MAX).collect();
-        Self {
-            field,
-            padded: PaddedGrid::from(field),
-            fine,
-            surfaces: [all, sides],
-            per_m: 1.0 / field.lattice.voxel_size_m,
-            sides: Vec3::from_array(field.lattice.counts.map(|count| count as f32)),
-        }
-    }
-
-    /// The points of the surfaces that are nearer than `near_m` to one of some places.
-    fn near(&self, places_m: &[Vec3], near_m: f32) -> [Vec<usize>; 2] {
-        let is_near = |at: Vec3| places_m.iter().any(|place| (at - *place).length_squared() < near_m * near_m);
-        let near = |surface: &Vec<(Vec3, Vec3)>| (0..surface.len()).filter(|n| is_near(surface[*n].0)).collect();
-        self.surfaces.each_ref().map(near)
-    }
-
-    /// The value of the voxel around a point, which is given in voxels; 0 where nothing was observed.
-    fn value(&self, at: Vec3) -> f32 {
-        if !(at.cmpge(Vec3::ZERO).all() && at.cmplt(self.sides).all()) {
-            return 0.0;
-        }
-        // The coordinates are not negative, so rounding to zero is rounding down.
-        let index = at.to_array().map(|at| at as i32 as usize);
-        self.field.values[self.field.lattice.flat(index)]
-    }
-
-    /// Whether points of a hand at a pose are in the way of something.
-    fn is_in_the_way(&self, rotation: Quat, tips_m: Vec3, points_m: &[Vec3]) -> bool {
-        let (tips, turn) = ((tips_m - self.field.lattice.low_m) * self.per_m, Mat3::from_quat(rotation) * self.per_m);
-        points_m.iter().any(|point_m| {
-            let value = self.value(tips + turn * *point_m);
-            let distance = 2.0 * value - 1.0;
-            let is_near = value > 0.0 && distance < NEAR;
-            is_near && (distance <= INSIDE || self.is_inside(tips_m + rotation * *point_m))
-        })
-    }
-
-    /// Whether a point is in something, as the finer field has it.
-    fn is_inside(&self, point_m: Vec3) -> bool {
-        self.fine.is_some_and(|fine| {
-            let (distance, share) = mean_distance(fine, point_m);
-            share > 0.0 && distance * TRUNCATION_VOXELS * fine.lattice().voxel_size_m <= -INSIDE_FINE_M
-        })
-    }
-
-    /// The way out of a thing from a point in it: to where the field becomes positive, if that was seen within `most_m`
-    /// or the step beyond.
-    fn way_out_m(&self, point_m: Vec3, along: Vec3, most_m: f32) -> Option<f32> {
-        let steps = (most_m / WALK_M).ceil() as usize;
-        // The padded grid begins half a voxel before the workspace.
-        let (start, step) = ((point_m - self.field.lattice.low_m) * self.per_m + 0.5, along * (WALK_M * self.per_m));
-        let field = |number: usize| match self.fine {
-            Some(fine) => mean_distance(fine, point_m + along * (WALK_M * number as f32)),
-            None => self.padded.at(start + step * number as f32),
-        };
-        let mut last = field(0).0;
-        for number in 1..=steps {
-            let (here, share) = field(number);
-            // What comes after the first point outside is another thing.
-            if here >= 0.0 && share > 0.0 {
-                return (last < 0.0).then(|| ((number - 1) as f32 + last / (last - here)) * WALK_M);
-            }
-            last = here;
-        }
-        None
-    }
+/// Whether a hand comes from below.
+fn rises(rotation: Quat) -> bool {
+    (rotation * Vec3::Z).z > APPROACH_RISE_MAX
 }
 
 /// The orientation that closes along `closing` and approaches in the plane across it, `turn_rad` from the steepest way
@@ -327,17 +228,6 @@ fn from_axes(y: Vec3, z: Vec3) -> Quat {
     Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z)).normalize()
 }
 
-/// Points of a box on a lattice of [`LOOK_M`], its faces included.
-fn points_of(b: &HandBox) -> impl Iterator<Item = Vec3> + use<> {
-    let [nx, ny, nz] = b.half_m.to_array().map(|half_m| libm::ceilf(2.0 * half_m / LOOK_M) as usize + 1);
-    let b = *b;
-    (0..nx * ny * nz).map(move |at| {
-        let share = |at: usize, n: usize| 2.0 * at as f32 / (n - 1) as f32 - 1.0;
-        let [x, y, z] = [share(at / (ny * nz), nx), share(at / nz % ny, ny), share(at % nz, nz)];
-        b.centre_m + b.half_m * Vec3::new(x, y, z)
-    })
-}
-
 /// Those of some things that are to be kept.
 fn kept<T: Copy>(all: &[T], keeps: &[bool]) -> Vec<T> {
     all.iter().zip(keeps).filter(|(_, is_kept)| **is_kept).map(|(one, _)| *one).collect()
@@ -345,6 +235,7 @@ fn kept<T: Copy>(all: &[T], keeps: &[bool]) -> Vec<T> {
 
 #[cfg(test)]
 mod tests {
+    use perception::TRUNCATION_VOXELS;
     use schema::{Grid, Procedure, Purpose};
 
     use super::*;
@@ -384,7 +275,7 @@ mod tests {
     /// How deep the deepest point of any of these hands, on its way, is in the box.
     fn deepest_m(gripper: &Gripper, hands: &[Grasp]) -> f32 {
         let swept = gripper.open_hand().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m));
-        let points_m: Vec<Vec3> = swept.iter().flat_map(points_of).collect();
+        let points_m: Vec<Vec3> = swept.iter().flat_map(looks_of).flat_map(|looks| looks.points_m).collect();
         let depths_m = hands
             .iter()
             .flat_map(|hand| points_m.iter().map(|point_m| depth_in_box_m(hand.workspace_from_grasp * *point_m)));
@@ -434,6 +325,27 @@ mod tests {
         // Others take the place of hands that are not wanted.
         let found = sampler.search(&space, (&wanted, &steep), 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         assert!(found.len() == 200 && found.iter().all(is_steep) && !near.iter().all(is_steep));
+    }
+
+    /// Groups of points that are far from all that was seen are skipped, and change no answer.
+    #[test]
+    fn a_hand_is_in_the_way_where_one_of_its_points_is() {
+        let (gripper, field, fine) = (proposed(1).0, field(), SurfaceBlocks::from(&field_of(120)));
+        let sampler = CandidateSampler::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
+        let space = Space::new(&field, Some(&fine), field.lattice.corners_m());
+        let mut stream = Stream::new(4, 0, Purpose::Views, 0);
+        let (mut free, count) = (0, 3000);
+        for _ in 0..count {
+            let (at_m, rotation) = (stream.point(Vec3::splat(-0.05), Vec3::splat(0.35)), stream.rotation());
+            let is_in_the_way = space.is_in_the_way(rotation, at_m, &sampler.looks);
+            let one = |point_m: &Vec3| {
+                let looks = [Looks { middle_m: *point_m, points_m: vec![*point_m] }];
+                space.is_in_the_way(rotation, at_m, &looks)
+            };
+            assert_eq!(is_in_the_way, sampler.looks.iter().flat_map(|looks| &looks.points_m).any(one), "{at_m}");
+            free += usize::from(!is_in_the_way);
+        }
+        assert!((count / 10..count * 9 / 10).contains(&free), "{free}");
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! same place for every hand. What arithmetic knows for certain, that the hand would hit the table, is not asked.
 
 mod crop;
+mod screen;
 
 use std::sync::LazyLock;
 
@@ -19,6 +20,7 @@ use crate::layers::{LayerShape, count_of, layer};
 use crate::voxel::TransposedWeights;
 
 pub use crop::{BOX, CHANNELS, Crop, FACTS, PaddedGrid, WIDE_BOX, WIDE_CHANNELS};
+pub use screen::Screen;
 
 /// Number of outcomes.
 pub const OUTCOMES: usize = Outcome::ALL.len();

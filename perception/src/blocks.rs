@@ -33,6 +33,7 @@ impl Field for VoxelGrid {
 }
 
 /// The corner values of a cell, x slowest.
+#[inline]
 pub(crate) fn corners(values: &[f32], [_, ny, nz]: [usize; 3], [i, j, k]: [usize; 3]) -> [f32; 8] {
     let first = (i * ny + j) * nz + k;
     let mut corners = [0.0; 8];
@@ -44,40 +45,52 @@ pub(crate) fn corners(values: &[f32], [_, ny, nz]: [usize; 3], [i, j, k]: [usize
 }
 
 /// A point of the workspace in voxels from the centre of a lattice's first one.
+#[inline]
 pub(crate) fn in_voxels(lattice: &Lattice, point_m: Vec3) -> Vec3 {
     (point_m - lattice.low_m) / lattice.voxel_size_m - Vec3::splat(0.5)
 }
 
-/// The cell around a point, which is given in voxels: each corner's value and weight; `None` outside.
-fn cell_at<F: Field>(field: &F, at: Vec3) -> Option<[(f32, [f32; 3]); 8]> {
-    let low = at.floor();
-    let last = Vec3::from_array(field.lattice().counts.map(|count| count as f32 - 1.0));
+/// The cell around a point, which is given in voxels: its corners' values, and the point's shares of the way along x, y
+/// and z; `None` outside.
+#[inline(always)]
+fn cell_at<F: Field>(field: &F, at: Vec3) -> Option<([f32; 8], [f32; 3])> {
     // False for NaN.
-    let is_inside = low.cmpge(Vec3::ZERO).all() && (low + 1.0).cmple(last).all();
-    if !is_inside {
+    if !at.cmpge(Vec3::ZERO).all() {
         return None;
     }
-    let (corners, share) = (field.cell(low.to_array().map(|along| along as usize)), at - low);
-    let along = |corner: usize, bit: usize, share: f32| if corner >> bit & 1 == 1 { share } else { 1.0 - share };
-    Some(core::array::from_fn(|corner| {
-        (corners[corner], [along(corner, 2, share.x), along(corner, 1, share.y), along(corner, 0, share.z)])
-    }))
+    // Of numbers that are not negative rounding to zero is rounding down.
+    let voxel = at.to_array().map(|along| along as u32 as usize);
+    let is_inside = (0..3).all(|axis| voxel[axis] + 1 < field.lattice().counts[axis]);
+    is_inside.then(|| (field.cell(voxel), [0, 1, 2].map(|axis| at[axis] - voxel[axis] as f32)))
+}
+
+/// The weight of a corner along an axis, whose bit in the corner's number this is.
+#[inline(always)]
+fn along(corner: usize, bit: usize, share: f32) -> f32 {
+    if corner >> bit & 1 == 1 { share } else { 1.0 - share }
 }
 
 /// The trilinear value at a point, which is given in voxels; `None` if one of the eight around it was not observed.
 pub(crate) fn trilinear<F: Field>(field: &F, at: Vec3) -> Option<f32> {
-    let corner = |(value, [x, y, z]): (f32, [f32; 3])| (value > 0.0).then_some(value * x * y * z);
-    cell_at(field, at)?.into_iter().map(corner).sum()
+    let (corners, [x, y, z]) = cell_at(field, at)?;
+    let term = |(number, value): (usize, f32)| {
+        (value > 0.0).then_some(value * along(number, 2, x) * along(number, 1, y) * along(number, 0, z))
+    };
+    corners.into_iter().enumerate().map(term).sum()
 }
 
 /// Mean of the observed distances at the eight voxels around a point of the workspace, by their weights, in [−1, 1] of
 /// the truncation, and the share of the eight that was observed; 0 and 0 where none was.
 #[must_use]
 pub fn mean_distance<F: Field>(field: &F, point_m: Vec3) -> (f32, f32) {
-    let Some(cell) = cell_at(field, in_voxels(field.lattice(), point_m)) else { return (0.0, 0.0) };
+    let Some((corners, [x, y, z])) = cell_at(field, in_voxels(field.lattice(), point_m)) else { return (0.0, 0.0) };
+    // As inside of things.
+    if corners == [0.0; 8] {
+        return (0.0, 0.0);
+    }
     let (mut share, mut sum) = (0.0, 0.0);
-    for (value, [x, y, z]) in cell {
-        let weight = x * y * z;
+    for (number, value) in corners.into_iter().enumerate() {
+        let weight = along(number, 2, x) * along(number, 1, y) * along(number, 0, z);
         share += if value > 0.0 { weight } else { 0.0 };
         sum += value * weight;
     }
@@ -167,6 +180,7 @@ impl Field for SurfaceBlocks {
         &self.lattice
     }
 
+    #[inline]
     fn cell(&self, voxel: [usize; 3]) -> [f32; 8] {
         let [x, y, z] = voxel.map(|at| at / CELLS);
         let place = self.places[(x * self.counts[1] + y) * self.counts[2] + z];

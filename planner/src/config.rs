@@ -86,8 +86,12 @@ settings! {
     /// How a judge is asked; for networks that answer for hands.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct JudgeParams {
-        /// Number of hands that are proposed and judged.
+        /// Number of hands that are proposed.
         pub proposals: usize where 1..=100_000,
+        /// Of these the judge is asked about so many, which a quick look finds likeliest to hold; about all where it is
+        /// left out.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub asked: Option<usize> where 1..=100_000; or None,
         /// Of hands whose tips are nearer to each other than this, only the best is kept.
         pub apart_m: f32 where 0.0..=0.3,
         /// Hands touch what was seen in a box of these sides on the table, in metres: x, y and the height. Its middle
@@ -98,7 +102,7 @@ settings! {
 
 impl JudgeParams {
     /// What a config without `[judge]` has.
-    pub const STANDARD: Self = Self { proposals: 256, apart_m: 0.01, reach_m: REACH_M };
+    pub const STANDARD: Self = Self { proposals: 256, asked: None, apart_m: 0.01, reach_m: REACH_M };
 }
 
 settings! {

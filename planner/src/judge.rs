@@ -49,8 +49,9 @@ impl Method for JudgeMethod {
         let about_m = limiter.about_m();
         let centred = |hand: &Grasp| widths.centred(hand);
         let judged = timed(timings_ms, "judge", || {
-            let JudgeParams { proposals, apart_m, .. } = config.judge;
-            self.judge.scored_grasps(seen, (proposals, apart_m), &mut stream, (&about_m, &are_wanted), &centred)
+            let JudgeParams { proposals, asked, apart_m, .. } = config.judge;
+            let counts = [proposals, asked.unwrap_or(proposals)];
+            self.judge.scored_grasps(seen, (counts, apart_m), &mut stream, (&about_m, &are_wanted), &centred)
         });
         selected(&judged, request)
     }

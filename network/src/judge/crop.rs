@@ -6,7 +6,7 @@
 //! hands of other dimensions. A wider and coarser box about the tips shows what the hand would hold as a whole, and
 //! what lies around it: whether it is gripped beside its middle, and what else would move.
 
-use schema::{Grid, Gripper, HandBox, Pose, Vec3, VoxelGrid};
+use schema::{Grid, Gripper, HandBox, Mat3, Pose, Vec3, VoxelGrid};
 
 use crate::kernels::conv::Extent;
 
@@ -24,6 +24,15 @@ pub const FACTS: usize = 16;
 /// The boxes in memory, with the zeros that the first convolutions pad with.
 pub(super) const PADDED: Extent = Extent { n: BOX, padding: 1 };
 pub(super) const WIDE_PADDED: Extent = Extent { n: WIDE_BOX, padding: 1 };
+/// Places along x, y and z of the crop of the few points that a [`super::Screen`] looks at …
+const FEW: [&[usize]; 3] = [&[0, 2, 5, 7], &[1, 5, 9, 10, 14, 18], &[3, 7, 11, 15, 17, 19, 21, 23, 25, 27]];
+/// … and of the surroundings.
+const WIDE_FEW: [&[usize]; 3] = [&[1, 4, 7, 10], &[1, 3, 4, 6], &[1, 3, 4, 6]];
+
+const fn len_of([x, y, z]: [&[usize]; 3]) -> usize {
+    x.len() * y.len() * z.len()
+}
+
 /// How far the surroundings reach from the tips along x, y and z.
 const WIDE_M: Vec3 = Vec3::new(0.088, 0.06, 0.06);
 /// Distances are clipped here, and divided by it.
@@ -134,6 +143,12 @@ impl Lattice {
     fn point_m(&self, [x, y, z]: [usize; 3]) -> Vec3 {
         self.low_m + self.step_m * Vec3::new(x as f32, y as f32, z as f32)
     }
+
+    /// Its points at some places along each axis, x slowest.
+    fn points_m(&self, [xs, ys, zs]: [&[usize]; 3]) -> Vec<Vec3> {
+        let lines = xs.iter().flat_map(|x| ys.iter().map(move |y| (x, y)));
+        lines.flat_map(|(x, y)| zs.iter().map(move |z| self.point_m([*x, *y, *z]))).collect()
+    }
 }
 
 /// How the judge sees a hand; made once for a hand and a grid.
@@ -143,6 +158,8 @@ pub struct Crop {
     wide: Lattice,
     /// A padded box with the distances to the swept hand, and zeros for what is seen.
     template: Vec<f32>,
+    /// The points of both boxes that a [`super::Screen`] looks at, in the grasp frame.
+    few_m: Vec<Vec3>,
     /// What the hand sweeps, with its clearance.
     swept: [HandBox; 3],
     /// The hand's own facts.
@@ -154,6 +171,8 @@ pub struct Crop {
 impl Crop {
     /// Values of a crop with its padding.
     pub const LEN: usize = PADDED.len() * CHANNELS;
+    /// Number of the few points of both boxes.
+    pub(super) const FEW: usize = len_of(FEW) + len_of(WIDE_FEW);
     /// Values of the surroundings with their padding.
     pub const WIDE_LEN: usize = WIDE_PADDED.len() * WIDE_CHANNELS;
 
@@ -168,6 +187,7 @@ impl Crop {
             narrow: Lattice::new(PADDED, low, high),
             wide: Lattice::new(WIDE_PADDED, -WIDE_M, WIDE_M),
             template: vec![0.0; Self::LEN],
+            few_m: Vec::new(),
             swept: sweep.map(|b| b.grown(gripper.clearance_m)),
             dimensions: dimensions(gripper, pregrasp_distance_m),
             table_z_m: grid.table_z_m,
@@ -177,6 +197,7 @@ impl Crop {
             let distance_m = sweep.iter().map(|b| distance_m(b, crop.narrow.point_m(at))).fold(f32::INFINITY, f32::min);
             crop.template[PADDED.place(at) * CHANNELS + 3] = clipped(distance_m);
         }
+        crop.few_m = [crop.narrow.points_m(FEW), crop.wide.points_m(WIDE_FEW)].concat();
         crop
     }
 
@@ -206,6 +227,17 @@ impl Crop {
         let start = to.len();
         to.resize(start + Self::WIDE_LEN, 0.0);
         self.look::<WIDE_CHANNELS>(self.wide, grid, workspace_from_grasp, mirrored, &mut to[start..]);
+    }
+
+    /// Appends distance and observed share at the few points of both boxes.
+    pub(super) fn see_few(&self, grid: &PaddedGrid, workspace_from_grasp: &Pose, to: &mut Vec<f32>) {
+        let per_m = 1.0 / self.voxel_size_m;
+        let turn = Mat3::from_quat(workspace_from_grasp.rotation) * per_m;
+        let tips = (workspace_from_grasp.translation - grid.low_m) * per_m + Vec3::splat(0.5);
+        for point_m in &self.few_m {
+            let (distance, share) = grid.at(tips + turn * *point_m);
+            to.extend_from_slice(&[distance, share]);
+        }
     }
 
     /// Sets the first three values of each point.
@@ -344,6 +376,25 @@ mod tests {
             }
         }
         assert!(inside > 10_000, "{inside}");
+    }
+
+    /// The few points are some of the crop's, and then some of the surroundings'.
+    #[test]
+    fn a_quick_look_sees_what_the_crop_has_there() {
+        let (grid, pose) = (slanted().0, down_at(0.14, 0.16, 0.12));
+        let (crop, mut few, mut wide) = (seen(&grid, &pose, [false; 2]), Vec::new(), Vec::new());
+        view().see_few(&(&grid).into(), &pose, &mut few);
+        view().see_wide(&(&grid).into(), &pose, [false; 2], &mut wide);
+        let pairs = few.as_chunks::<2>().0;
+        assert_eq!(pairs.len(), Crop::FEW);
+        let expected = |padded: Extent, values: usize, places: [&[usize]; 3], of: &[f32]| -> Vec<[f32; 2]> {
+            let [xs, ys, zs] = places;
+            let all = xs.iter().flat_map(|x| ys.iter().flat_map(move |y| zs.iter().map(move |z| [*x, *y, *z])));
+            all.map(|at| *of[padded.place(at) * values..].first_chunk::<2>().unwrap()).collect()
+        };
+        let there =
+            [expected(PADDED, CHANNELS, FEW, &crop), expected(WIDE_PADDED, WIDE_CHANNELS, WIDE_FEW, &wide)].concat();
+        assert!(pairs.iter().zip(there).all(|(one, other)| (0..2).all(|at| (one[at] - other[at]).abs() < 1e-4)));
     }
 
     #[test]
