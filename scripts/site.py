@@ -5,9 +5,12 @@ what it made.
     site.py check STAGE SITE    every link of the made pages leads somewhere; none asks another server for its parts
 
 A link to a setting, a program or a folder leads to a page with its text or its list of files, because the site has no
-other copy of the repository to point to. Exit code: 0; 1 with the faults on standard error; 2 for other arguments.
+other copy of the repository to point to. A notebook becomes a page with its code, what that printed and its pictures.
+Exit code: 0; 1 with the faults on standard error; 2 for other arguments.
 """
 
+import base64
+import json
 import os
 import re
 import shutil
@@ -16,14 +19,41 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-FIRST = ("*.md", "docs/**/*.md", "models/*.md", "ros2/*/README.md", "docs/site.css")  # and what these link to
+FIRST = ("*.md", "docs/**/*.md", "docs/notebooks/*.ipynb", "models/*.md", "ros2/*/README.md", "docs/site.css")
 SHOWN = {".toml": "toml", ".py": "python", ".yaml": "yaml", ".cff": "yaml", "": "text"}  # others are copied as they are
 LINK = re.compile(r"(?<=\]\()[^)\s]+")
+WIDE = "---\nhide:\n  - toc\n---\n\n"  # without a list of headings
 UNLISTED = "---\nsearch:\n  exclude: true\nhide:\n  - toc\n---\n\n"  # beside the navigation and the search
 
 
+def notebook(source: Path, to: Path) -> str:
+    """The Markdown of a notebook, whose pictures and file are written beside the page."""
+    shutil.copyfile(source, to.with_suffix(".ipynb"))
+    parts = []
+    for number, cell in enumerate(json.loads(source.read_text())["cells"]):
+        text = "".join(cell["source"])
+        if cell["cell_type"] != "code":
+            parts.append(text)
+            continue
+        parts.append(f"`````python\n{text}\n`````")
+        printed, pictures = "", []
+        for output in cell["outputs"]:
+            data = output.get("data", {})
+            plain = "".join(output.get("text", data.get("text/plain", "")))
+            if "image/png" in data:
+                picture = to.with_name(f"{to.stem}-{number}-{len(pictures)}.png")
+                picture.write_bytes(base64.b64decode("".join(data["image/png"])))
+                pictures.append(f"![{plain}]({picture.name})")
+            else:
+                printed += plain if plain.endswith("\n") else f"{plain}\n"
+        if printed.strip():
+            parts.append(f'`````text title="Output"\n{printed.rstrip()}\n`````')
+        parts += pictures
+    return "\n\n".join(parts) + "\n"
+
+
 def stage(root: Path, out: Path) -> None:
-    """Copies the first pages, and everything that copied pages link to."""
+    """Copies the first pages, and everything that these and other copied pages link to."""
     todo = sorted({path for pattern in FIRST for path in root.glob(pattern)})
     done = set(todo)
 
@@ -37,6 +67,8 @@ def stage(root: Path, out: Path) -> None:
         path = os.path.relpath(target, root)
         if target.is_dir():
             return f"{path}/index.md"
+        if target.suffix == ".ipynb":
+            return str(Path(path).with_suffix(".md"))
         return f"{path}.md" if target.suffix in SHOWN else path
 
     def relinked(page: Path, link: str) -> str:
@@ -58,6 +90,9 @@ def stage(root: Path, out: Path) -> None:
             to.write_text(f"{UNLISTED}# {source.relative_to(root)}\n\n{''.join(rows)}")
         elif source.suffix == ".md":
             to.write_text(LINK.sub(lambda match: relinked(source, match[0]), source.read_text()))
+        elif source.suffix == ".ipynb":
+            text = LINK.sub(lambda match: relinked(source, match[0]), notebook(source, to))
+            to.write_text(f"{WIDE}{text}\n[This notebook as a file]({source.name})\n")
         elif source.suffix in SHOWN:
             text = f"`````{SHOWN[source.suffix]}\n{source.read_text().rstrip()}\n`````\n"
             to.write_text(f"{UNLISTED}# {source.relative_to(root)}\n\n{text}")
