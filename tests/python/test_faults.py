@@ -2,8 +2,9 @@
 
     GRASPMILL_FAULTS=long python -m pytest tests/python/test_faults.py
 
-Faults are injected into the programs as users run them. Tests that need missing tools (root, strace, faketime) are skipped
-with a reason. GRASPMILL_FAULTS_REPORT=FILE receives a line of JSON for each kind of fault; docs/reliability.md adds them up.
+Faults are injected into the programs as users run them. Tests that need missing tools (root, strace, faketime) are
+skipped with a reason. GRASPMILL_FAULTS_REPORT=FILE receives a line of JSON for each kind of fault;
+docs/reliability.md adds them up.
 """
 
 import hashlib
