@@ -41,5 +41,5 @@ a plan from depth images      $folder/plan.png
 the training's curves         $run/accuracy.svg
 the dataset's card            $data/README.md      (DuckDB, polars, pyarrow and datasets open it: docs/reading.md)
 
-next: docs/tutorial.md; the paper's 200,000 attempts: $bin/generator --shards 64 --out grasps
+next: docs/tutorial.md; the paper's 200,000 attempts: $bin/generator --shards 64 --out data/grasps
 END
