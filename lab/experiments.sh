@@ -38,7 +38,11 @@ eq8=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.9)
 seen=(--set plan=paper --set plan.detection.closing=seen --set plan.cloud.resolution=120 --set plan.collision.points_max=0)
 voxel=("${seen[@]}" --set "model=${VOXEL:-}")
 scaled=(--set plan.cloud.scale_to_table=true)
-hard=(--set scene=../generate/judge.toml)
+# The judge's objects on the experiments' table: the scenes' grid must have the planner's voxels.
+mkdir -p "$out"
+sed -e '/^\[\[container\]\]/,/^$/d' -e 's/^size_m = 0.48 .*/size_m = 0.30/' -e 's/^resolution = 64 .*/resolution = 40/' \
+    "$here/configs/generate/judge.toml" > "$out/larger.toml"
+hard=(--set "scene=$(realpath "$out")/larger.toml")
 everyday=(--set scene=../generate/everyday.toml)
 
 # Rounds of seeds that were not used for tuning.
