@@ -316,9 +316,11 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     @property
     def _order(self) -> Order:
         native, samples = self._samples.dataset._native, self._samples
+        # The last scene may have fewer attempts than the others.
+        missing = -len(samples.wanted) % samples.per_scene
         return Order(
             scenes=[native.scenes_of(shard) for shard in range(samples.dataset.shard_count)],
-            wanted=samples.wanted.reshape(-1, samples.per_scene),
+            wanted=np.pad(samples.wanted, (0, missing)).reshape(-1, samples.per_scene),
             batch=self.batch,
             together=self.samples_per_scene,
             buffer=self.buffer_scenes,

@@ -76,6 +76,13 @@ def test_a_stream_has_every_sample_once_in_a_seeded_order(dataset, workers):
     assert stored == sorted(first)
 
 
+def test_the_last_scene_of_a_stream_may_have_fewer_attempts(tmp_path):
+    dataset = graspmill.generate(tmp_path / "data", attempts=90, shards=1, seed=3)
+    assert dataset.info["attempts_per_scene"] == 60
+    stream = gt.GraspStream(dataset, "all", batch=16)
+    assert sum(len(batch["label"]) for batch in stream) == stream.sample_count > 80
+
+
 def test_a_stream_holds_no_more_grids_than_it_may(dataset, monkeypatch):
     monkeypatch.setattr(graspmill._order, "BLOCK", 2)
     stream = gt.GraspStream(dataset, "train", batch=8, samples_per_scene=8, buffer_scenes=3)
