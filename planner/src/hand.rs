@@ -58,6 +58,15 @@ impl HandVolume {
         })
         .count()
     }
+
+    /// The same of points that are sorted along x.
+    #[must_use]
+    pub(crate) fn points_inside_sorted(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
+        let middle_m = *workspace_from_grasp * self.middle_m;
+        let before = |x_m: f32| points_m.partition_point(|point_m| point_m.x < x_m);
+        let near = before(middle_m.x - self.radius_m)..before((middle_m.x + self.radius_m).next_up());
+        self.points_inside(workspace_from_grasp, &points_m[near])
+    }
 }
 
 /// The grasp's pose with the orientation nearer to the wrist.

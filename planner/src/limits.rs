@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use perception::{Wall, near, walls};
+use rayon::prelude::*;
 use schema::{Gripper, HandBox, Plane, Pose, Vec3};
 
 use crate::hand::HandVolume;
@@ -34,7 +35,7 @@ pub(crate) struct Limiter<'a> {
     /// The corners of the open hand at the grasp and before it, in the grasp frame.
     corners_m: Vec<Vec3>,
     between_fingers: HandVolume,
-    /// Points of the surface off the table: the target's, and the others.
+    /// Points of the surface off the table, sorted along x: the target's, and the others.
     target_m: Option<[Vec<Vec3>; 2]>,
     walls: Walls,
     /// What a hand passes that leaves, and its corners.
@@ -54,7 +55,7 @@ impl<'a> Limiter<'a> {
         limits: &'a Limits,
         gripper: &Gripper,
         pregrasp_m: f32,
-        (target_m, walls): (Option<[Vec<Vec3>; 2]>, Walls),
+        (mut target_m, mut walls): (Option<[Vec<Vec3>; 2]>, Walls),
         is_in_sight: &'a (dyn Fn(&Pose) -> bool + Sync),
         will_do: &'a WillDo<'a>,
     ) -> Self {
@@ -67,6 +68,11 @@ impl<'a> Limiter<'a> {
             0.5 * (gripper.finger_length_m + BETWEEN_MARGIN_M),
         );
         let centre_m = Vec3::new(0.0, 0.0, BETWEEN_MARGIN_M - half_m.z);
+        // So that each hand looks at few of them.
+        let of_walls = [&mut walls.things_m, &mut walls.walls_m];
+        for points_m in target_m.iter_mut().flatten().chain(of_walls) {
+            points_m.sort_by(|a, b| a.x.total_cmp(&b.x));
+        }
         Self {
             limits,
             corners_m,
@@ -89,7 +95,7 @@ impl<'a> Limiter<'a> {
 
     /// Of each grasp the first limit that it breaks. The caller is asked once, about all that break no other.
     pub(crate) fn broken(&self, workspace_from_grasps: &[Pose]) -> Vec<Option<Limit>> {
-        let mut broken: Vec<Option<Limit>> = workspace_from_grasps.iter().map(|pose| self.find(pose)).collect();
+        let mut broken: Vec<Option<Limit>> = workspace_from_grasps.par_iter().with_min_len(32).map(|pose| self.find(pose)).collect();
         let left: Vec<usize> = (0..broken.len()).filter(|place| broken[*place].is_none()).collect();
         if !left.is_empty() {
             let asked: Vec<Pose> = left.iter().map(|place| workspace_from_grasps[*place]).collect();
@@ -125,7 +131,7 @@ impl<'a> Limiter<'a> {
         if keep_out.iter().any(is_beyond) {
             return Some(Limit::KeepOut);
         }
-        let between = |points_m: &[Vec3]| self.between_fingers.points_inside(workspace_from_grasp, points_m);
+        let between = |points_m: &[Vec3]| self.between_fingers.points_inside_sorted(workspace_from_grasp, points_m);
         let is_of_others = |[of_target, of_others]: &[Vec<Vec3>; 2]| {
             let wanted = between(of_target);
             wanted == 0 || between(of_others) > wanted
@@ -137,7 +143,7 @@ impl<'a> Limiter<'a> {
         // Who wants a wall says so. A wall takes no part in other grasps: it holds what is gripped with it.
         let closes_on_wall = || between(things_m) == 0 || between(walls_m) > WALL_POINTS_MAX;
         let is_over = |board: &Wall| self.way_out_corners_m.iter().any(|at| board.is_over(*workspace_from_grasp * *at));
-        let leaves_through = || self.way_out.points_inside(workspace_from_grasp, walls_m) > WALL_POINTS_MAX;
+        let leaves_through = || self.way_out.points_inside_sorted(workspace_from_grasp, walls_m) > WALL_POINTS_MAX;
         let meets_wall =
             (self.target_m.is_none() && closes_on_wall()) || board.as_ref().is_some_and(is_over) || leaves_through();
         if !walls_m.is_empty() && meets_wall {
