@@ -13,10 +13,9 @@ const TOGETHER: usize = 8;
 /// Hands at which one thread looks quickly together.
 const SCREENED: usize = 32;
 
-/// Where fewer than [`SURE_MIN`] hands hold with more than this probability, hands are proposed again …
-const SURE: f32 = 0.95;
-const SURE_MIN: usize = 3;
-/// … so many times as many, at the second and the third time.
+/// Where no hand holds with more than this probability, hands are proposed again, so many times as many at the second
+/// and the third time.
+const SURE: f32 = 0.9;
 const SEARCHES: [usize; 3] = [1, 2, 2];
 /// A further search is for hands nearer than this to one that holds with more than this probability: most of what is
 /// seen of a bin is wall, which no hand can lift.
@@ -111,7 +110,7 @@ impl Judge {
             let hands = self.likeliest(scene, hands, asked);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
             judged.extend(parts.into_iter().flatten());
-            if hands.is_empty() || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {
+            if hands.is_empty() || judged.iter().any(|judged| judged.quality() > SURE) {
                 break;
             }
             wanted = space.near(&hopeful_m(&judged), NEAR_M);

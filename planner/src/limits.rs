@@ -95,7 +95,8 @@ impl<'a> Limiter<'a> {
 
     /// Of each grasp the first limit that it breaks. The caller is asked once, about all that break no other.
     pub(crate) fn broken(&self, workspace_from_grasps: &[Pose]) -> Vec<Option<Limit>> {
-        let mut broken: Vec<Option<Limit>> = workspace_from_grasps.par_iter().with_min_len(32).map(|pose| self.find(pose)).collect();
+        let mut broken: Vec<Option<Limit>> =
+            workspace_from_grasps.par_iter().with_min_len(32).map(|pose| self.find(pose)).collect();
         let left: Vec<usize> = (0..broken.len()).filter(|place| broken[*place].is_none()).collect();
         if !left.is_empty() {
             let asked: Vec<Pose> = left.iter().map(|place| workspace_from_grasps[*place]).collect();
