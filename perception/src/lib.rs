@@ -30,6 +30,7 @@ mod blocks;
 mod cells;
 mod cloud_view;
 mod clusters;
+mod fit;
 mod level;
 mod noise;
 mod normals;

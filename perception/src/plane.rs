@@ -1,9 +1,11 @@
 //! The plane under the objects, by RANSAC and least squares (Fischler & Bolles 1981; the paper's Eq. 7).
 
-use glamx::{DMat3, DSymmetricEigen3, DVec3};
+use rayon::prelude::*;
 use schema::{Plane, Stream, Vec3};
 use serde::Serialize;
 use settings::settings;
+
+use crate::fit::Coordinates;
 
 settings! {
     /// Settings of the plane search.
@@ -48,42 +50,41 @@ pub fn find_plane(points_m: &[Vec3], params: &PlaneParams, stream: &mut Stream) 
         return None;
     }
     let steep = libm::cosf(params.tilt_rad_max);
-    let mut best: Option<(usize, Plane)> = None;
-    for _ in 0..params.iterations {
+    let mut triple = || {
         let [a, b, c] = core::array::from_fn(|_| points_m[stream.index(points_m.len())]);
-        let Some(plane) = through(a, b, c).filter(|plane| plane.normal.z >= steep) else { continue };
-        let count = points_m.iter().map(|point| u32::from(belongs(&plane, *point, params))).sum::<u32>() as usize;
-        if best.is_none_or(|(most, _)| count > most) {
-            best = Some((count, plane));
-        }
-    }
-    let found = settled(points_m, best?.1, params)?;
-    let enough = found.inliers.len() as f32 >= params.share_min * points_m.len() as f32;
-    (enough && found.plane.normal.z >= steep).then_some(found)
+        through(a, b, c).filter(|plane| plane.normal.z >= steep)
+    };
+    let planes: Vec<Plane> = (0..params.iterations).filter_map(|_| triple()).collect();
+    let points = Coordinates::new(points_m);
+    let counted: Vec<usize> =
+        planes.par_iter().map(|plane| points.count(|point_m| belongs(plane, point_m, params))).collect();
+    // The first of equals.
+    let best = (0..planes.len()).reduce(|best, next| if counted[next] > counted[best] { next } else { best })?;
+    let (plane, marks) = settled(&points, planes[best], params)?;
+    let inliers: Vec<usize> = (0..marks.len()).filter(|at| marks[*at] != 0).collect();
+    let enough = inliers.len() as f32 >= params.share_min * points_m.len() as f32;
+    (enough && plane.normal.z >= steep).then_some(FoundPlane { plane, inliers })
 }
 
 fn belongs(plane: &Plane, point_m: Vec3, params: &PlaneParams) -> bool {
     (plane.normal.dot(point_m) - plane.offset_m).abs() < params.threshold_m
 }
 
-fn inliers(points_m: &[Vec3], plane: &Plane, params: &PlaneParams) -> Vec<usize> {
-    points_m.iter().enumerate().filter(|(_, point)| belongs(plane, **point, params)).map(|(at, _)| at).collect()
-}
-
-/// Refits the plane to its inliers until they no longer change.
-fn settled(points_m: &[Vec3], first: Plane, params: &PlaneParams) -> Option<FoundPlane> {
-    let mut found = FoundPlane { inliers: inliers(points_m, &first, params), plane: first };
+/// Refits the plane to its inliers until they no longer change; gives it and which points they are.
+fn settled(points: &Coordinates, first: Plane, params: &PlaneParams) -> Option<(Plane, Vec<i32>)> {
+    let (mut plane, mut marks) = (first, vec![0; points.len()]);
+    let mark = |plane: &Plane, marks: &mut [i32]| points.mark(|point_m| belongs(plane, point_m, params), marks);
+    let (mut sums, _) = mark(&plane, &mut marks);
     for _ in 0..params.refits_max {
-        let (normal, offset_m) = fitted(points_m, &found.inliers)?;
-        let plane = upwards(normal, offset_m);
-        let next = inliers(points_m, &plane, params);
-        let is_settled = next == found.inliers;
-        found = FoundPlane { plane, inliers: next };
-        if is_settled {
+        let (normal, offset_m) = sums.plane()?;
+        plane = upwards(normal, offset_m);
+        let is_changed;
+        (sums, is_changed) = mark(&plane, &mut marks);
+        if !is_changed {
             break;
         }
     }
-    Some(found)
+    Some((plane, marks))
 }
 
 /// The plane through three points, unless they are collinear.
@@ -94,23 +95,6 @@ fn through(a: Vec3, b: Vec3, c: Vec3) -> Option<Plane> {
 
 fn upwards(normal: Vec3, offset_m: f32) -> Plane {
     if normal.z < 0.0 { Plane { normal: -normal, offset_m: -offset_m } } else { Plane { normal, offset_m } }
-}
-
-/// The plane with the least sum of squared distances, by its normal and offset: through the mean, with the normal along
-/// the direction of least variance.
-pub(crate) fn fitted(points_m: &[Vec3], members: &[usize]) -> Option<(Vec3, f32)> {
-    if members.len() < 3 {
-        return None;
-    }
-    let wide = |at: &usize| points_m[*at].as_dvec3();
-    let mean = members.iter().map(wide).sum::<DVec3>() / members.len() as f64;
-    let mut spread = DMat3::ZERO;
-    for off in members.iter().map(|at| wide(at) - mean) {
-        spread += DMat3::from_cols(off * off.x, off * off.y, off * off.z);
-    }
-    // Ascending order: the first vector has the least variance.
-    let normal = DSymmetricEigen3::new(spread).eigenvectors.x_axis.try_normalize()?;
-    Some((normal.as_vec3(), normal.dot(mean) as f32))
 }
 
 #[cfg(test)]
@@ -171,7 +155,8 @@ mod tests {
         let heights = [0.0, 1e-5, -2e-5, 3e-5, 0.0, 1e-5, -1e-5, 2e-5, 0.0];
         let points: Vec<Vec3> =
             (0..9).map(|n| Vec3::new((n / 3) as f32 - 1.0, (n % 3) as f32 - 1.0, heights[n])).collect();
-        let (normal, offset_m) = fitted(&points, &(0..9).collect::<Vec<_>>()).unwrap();
+        let (sums, _) = Coordinates::new(&points).mark(|_| true, &mut [0; 9]);
+        let (normal, offset_m) = sums.plane().unwrap();
         let plane = upwards(normal, offset_m);
         let slope = |weight: &dyn Fn(usize) -> f32| (0..9).map(|n| weight(n) * heights[n]).sum::<f32>() / 6.0;
         let (a, b) = (slope(&|n| (n / 3) as f32 - 1.0), slope(&|n| (n % 3) as f32 - 1.0));

@@ -7,7 +7,7 @@ use core::ops::RangeInclusive;
 use rayon::prelude::*;
 use schema::{Plane, Stream, Vec3};
 
-use crate::plane::fitted;
+use crate::fit::Coordinates;
 
 /// Distances from the eye at which tables are looked for, in metres.
 const SEEN_M: RangeInclusive<f32> = 0.1..=2.5;
@@ -69,16 +69,19 @@ pub struct TableCandidate {
 pub fn find_tables(points_m: &[Vec3], down: Option<Vec3>, stream: &mut Stream) -> Vec<TableCandidate> {
     let points_m: Vec<Vec3> = points_m.iter().copied().filter(|at| SEEN_M.contains(&at.length())).collect();
     let mut searched: Vec<Vec3> = points_m.iter().step_by(points_m.len().div_ceil(SEARCHED).max(1)).copied().collect();
-    searched.sort_by_key(|point_m| cube(*point_m));
+    searched.sort_by_cached_key(|point_m| cube(*point_m));
+    let all = Coordinates::new(&points_m);
     let mut is_free = vec![true; searched.len()];
-    let mut found = Vec::new();
+    let mut planes = Vec::new();
     for _ in 0..PLANES_MAX {
         let Some(first) = largest(&searched, &is_free, stream) else { break };
         for (is_free, point_m) in is_free.iter_mut().zip(&searched) {
             *is_free &= !belongs(&first, *point_m);
         }
-        found.extend(candidate(first, &points_m, &searched, down));
+        planes.push(first);
     }
+    let candidates = planes.into_par_iter().map(|first| candidate(first, &all, &searched, down));
+    let mut found: Vec<TableCandidate> = candidates.collect::<Vec<_>>().into_iter().flatten().collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     // What is left of a rough plane is no other plane.
     let mut apart: Vec<TableCandidate> = Vec::new();
@@ -133,27 +136,26 @@ fn largest(points_m: &[Vec3], is_free: &[bool], stream: &mut Stream) -> Option<P
         Some(towards_eye(normal, normal.dot(a)))
     };
     let planes: Vec<Plane> = (0..TRIPLES).filter_map(|_| triple()).collect();
-    let count = |plane: &Plane| free.iter().map(|at| u32::from(belongs(plane, *at))).sum::<u32>() as usize;
+    let points = Coordinates::new(&free);
+    let count = |plane: &Plane| points.count(|at| belongs(plane, at));
     let counted: Vec<(usize, Plane)> = planes.par_iter().map(|plane| (count(plane), *plane)).collect();
     let best = counted.into_iter().reduce(|best, next| if next.0 > best.0 { next } else { best })?;
     (best.0 >= least).then_some(best.1)
 }
 
 /// A plane, fitted to all of its points, and how well it answers.
-fn candidate(first: Plane, all_m: &[Vec3], searched_m: &[Vec3], down: Option<Vec3>) -> Option<TableCandidate> {
-    let (mut plane, mut members) = (first, Vec::new());
+fn candidate(first: Plane, all: &Coordinates, searched_m: &[Vec3], down: Option<Vec3>) -> Option<TableCandidate> {
+    let (mut plane, mut members) = (first, vec![0; all.len()]);
     for _ in 0..FITS_MAX {
-        let now: Vec<usize> = (0..all_m.len()).filter(|at| belongs(&plane, all_m[*at])).collect();
-        let is_settled = now == members;
-        members = now;
-        let (normal, offset_m) = fitted(all_m, &members)?;
+        let (sums, is_changed) = all.mark(|at| belongs(&plane, at), &mut members);
+        let (normal, offset_m) = sums.plane()?;
         plane = towards_eye(normal, offset_m);
-        if is_settled {
+        if !is_changed {
             break;
         }
     }
     let height_m = |at: Vec3| plane.normal.dot(at) - plane.offset_m;
-    let squares = members.iter().map(|at| f64::from(height_m(all_m[*at])).powi(2)).sum::<f64>();
+    let residual_m = all.residual_m(height_m, &members);
     let ground = Ground::of(&plane, searched_m);
     let [mut own, mut carried_m] = [Vec::new(), Vec::new()];
     let mut below = 0;
@@ -174,7 +176,7 @@ fn candidate(first: Plane, all_m: &[Vec3], searched_m: &[Vec3], down: Option<Vec
     let far = median(own.iter().map(|at| at.length())).unwrap_or(0.0) / FAR_M;
     let stands = down.map_or_else(|| upright(plane.normal), |down| level(plane.normal, down));
     Some(TableCandidate {
-        residual_m: (squares / members.len().max(1) as f64).sqrt() as f32,
+        residual_m,
         share,
         carried_share,
         middle_m: middle(if carried_m.is_empty() { &own } else { &carried_m }),
