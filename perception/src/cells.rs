@@ -5,6 +5,8 @@
 //! neighbour pairs of 9,600 points took 12 ms this way, 28 ms with a k-d tree (kiddo 6.3) and 72 ms with an R-tree
 //! (rstar 0.14).
 
+use core::ops::Range;
+
 use schema::Vec3;
 
 /// Most cubes along a side: wide clouds get wider cubes.
@@ -84,6 +86,24 @@ impl Cells {
         is.flat_map(move |i| {
             let ks = ks.clone();
             js.clone().flat_map(move |j| ks.clone().map(move |k| self.flat([i, j, k])))
+        })
+    }
+
+    /// The points by cube.
+    pub(crate) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// The same as [`Self::around`] as runs in [`Self::order`], the middle one first: what lies along z is in one piece.
+    pub(crate) fn runs_around(&self, point_m: Vec3) -> impl Iterator<Item = Range<usize>> + '_ {
+        let [i, j, k] = self.cube(point_m);
+        let along_z = k.saturating_sub(1)..(k + 2).min(self.counts[2]);
+        let beside = [(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
+        beside.into_iter().filter_map(move |(x, y)| {
+            let (i, j) = (i.checked_add_signed(x)?, j.checked_add_signed(y)?);
+            let first = self.flat([i, j, along_z.start]);
+            let is_in = i < self.counts[0] && j < self.counts[1];
+            is_in.then(|| self.starts[first] as usize..self.starts[first + along_z.len()] as usize)
         })
     }
 

@@ -66,11 +66,15 @@ pub fn clusters(points_m: &[Vec3], params: &ClusterParams) -> Vec<Option<usize>>
 
 fn core_points(points_m: &[Vec3], cells: &Cells, params: &ClusterParams) -> Vec<bool> {
     let reach = params.radius_m * params.radius_m;
+    // As they lie in cubes, and so that the compiler vectorises the loop over them.
+    let of = |axis: usize| -> Vec<f32> { cells.order().iter().map(|index| points_m[*index as usize][axis]).collect() };
+    let (x_m, y_m, z_m) = (of(0), of(1), of(2));
     let is_core = |point: &Vec3| {
         let mut count = 0;
-        for cube in cells.around(*point) {
-            let near = |other: &&u32| (points_m[**other as usize] - *point).length_squared() <= reach;
-            count += cells.points(cube).iter().filter(near).count();
+        for run in cells.runs_around(*point) {
+            let run = x_m[run.clone()].iter().zip(&y_m[run.clone()]).zip(&z_m[run]);
+            let near = run.map(|((x, y), z)| u32::from((Vec3::new(*x, *y, *z) - *point).length_squared() <= reach));
+            count += near.sum::<u32>() as usize;
             if count >= params.points_min {
                 return true;
             }
