@@ -135,7 +135,7 @@ impl SurfaceBlocks {
     /// Whether the block around a point of the workspace has values.
     #[must_use]
     pub fn has(&self, point_m: Vec3) -> bool {
-        let at = (in_voxels(&self.lattice, point_m) / CELLS as f32).floor();
+        let at = in_voxels(&self.lattice, point_m) / CELLS as f32;
         let last = Vec3::from_array(self.counts.map(|count| count as f32));
         let is_inside = at.cmpge(Vec3::ZERO).all() && at.cmplt(last).all();
         let [x, y, z] = at.to_array().map(|along| along as usize);

@@ -4,7 +4,9 @@
 //! depths of a view share the factor, and most of the surroundings of the objects are table. The factor is therefore
 //! the most frequent ratio of the observed depth to the depth of a bare table.
 
-use schema::{Camera, DepthImage, Grid, Vec3};
+use rayon::prelude::*;
+use schema::{Camera, DepthImage, Grid, Quat, Vec3};
+use wide::f32x4;
 
 /// Factors are searched within this distance of 1 …
 const FACTOR_REACH: f32 = 0.15;
@@ -14,6 +16,8 @@ const STEP: f32 = 0.000_5;
 const WINDOW: usize = 12;
 /// Only every this many rows and columns are used.
 const STRIDE_PX: usize = 2;
+/// Fewest rows of a thread.
+const ROWS_MIN: usize = 40;
 /// Minimum share of table pixels among those that could see it.
 const SHARE_MIN: f32 = 0.1;
 
@@ -30,8 +34,14 @@ pub fn table_around(grid: &Grid) -> TableArea {
 /// unchanged if the table cannot be identified.
 #[must_use]
 pub fn scaled_to_table(image: &DepthImage, camera: &Camera, table: &TableArea) -> (DepthImage, f32) {
-    let factor = table_factor(image, camera, table).unwrap_or(1.0);
+    let factor = depth_factor(image, camera, table);
     (DepthImage { depth_m: image.depth_m.iter().map(|depth_m| depth_m / factor).collect(), ..*image }, factor)
+}
+
+/// The factor by which depths are too long, so that most of them lie on the table; 1 if the table cannot be identified.
+#[must_use]
+pub fn depth_factor(image: &DepthImage, camera: &Camera, table: &TableArea) -> f32 {
+    table_factor(image, camera, table).unwrap_or(1.0)
 }
 
 /// The factor by which the table's depths are too long, or `None` if too little of the table was seen.
@@ -39,12 +49,14 @@ fn table_factor(image: &DepthImage, camera: &Camera, table: &TableArea) -> Optio
     let bins = (2.0 * FACTOR_REACH / STEP) as usize;
     let (mut counts, mut sums) = (vec![0_u32; bins], vec![0.0_f64; bins]);
     let mut seen = 0_u32;
-    for ratio in ratios(image, camera, table) {
-        seen += 1;
-        let bin = (ratio - 1.0 + FACTOR_REACH) / STEP;
-        if bin >= 0.0 && (bin as usize) < bins {
-            counts[bin as usize] += 1;
-            sums[bin as usize] += f64::from(ratio);
+    for row in ratios(image, camera, table) {
+        for ratio in row.into_iter().filter(|ratio| !ratio.is_nan()) {
+            seen += 1;
+            let bin = (ratio - 1.0 + FACTOR_REACH) / STEP;
+            if bin >= 0.0 && (bin as usize) < bins {
+                counts[bin as usize] += 1;
+                sums[bin as usize] += f64::from(ratio);
+            }
         }
     }
     let count = |first: usize| counts[first..first + WINDOW].iter().sum::<u32>();
@@ -53,20 +65,52 @@ fn table_factor(image: &DepthImage, camera: &Camera, table: &TableArea) -> Optio
     (count(best) as f32 > SHARE_MIN * seen as f32).then(|| (sum / f64::from(count(best))) as f32)
 }
 
-/// Ratio of the observed depth to that of a bare table, for pixels whose rays meet it in or near the workspace.
-fn ratios<'a>(image: &'a DepthImage, camera: &Camera, table: &TableArea) -> impl Iterator<Item = f32> + use<'a> {
+/// Ratios of the observed depth to that of a bare table, row by row, for pixels whose rays meet it in or near the
+/// workspace; NaN for others.
+fn ratios(image: &DepthImage, camera: &Camera, table: &TableArea) -> Vec<Vec<f32>> {
     let (pose, lens, ([low_m, high_m], z_m)) = (camera.workspace_from_camera, camera.intrinsics, *table);
-    let pixels = (0..image.height_px)
-        .step_by(STRIDE_PX)
-        .flat_map(move |v| (0..image.width_px).step_by(STRIDE_PX).map(move |u| [u, v]));
-    pixels.filter_map(move |pixel| {
-        let depth_m = image.at(pixel).filter(|depth_m| depth_m.is_finite())?;
-        let ray: Vec3 = pose.rotation * lens.ray(pixel);
-        let table_m = (z_m - pose.translation.z) / ray.z;
-        let at = pose.translation + ray * table_m;
-        let is_near = table_m > 0.0 && (low_m.x..high_m.x).contains(&at.x) && (low_m.y..high_m.y).contains(&at.y);
-        is_near.then_some(depth_m / table_m)
-    })
+    let (eye_m, splat) = (pose.translation, f32x4::splat);
+    let (fall_m, none) = (splat(z_m - eye_m.z), splat(f32::NAN));
+    let rays_x: Vec<f32> = (0..image.width_px).step_by(STRIDE_PX).map(|u| lens.ray([u, 0]).x).collect();
+    let ratio = |ray_x: f32x4, ray_y: f32, depth_m: f32x4| {
+        let [x, y, z] = turned(pose.rotation, ray_x, ray_y);
+        let table_m = fall_m / z;
+        let (at_x, at_y) = (splat(eye_m.x) + x * table_m, splat(eye_m.y) + y * table_m);
+        let is_seen = depth_m.simd_gt(f32x4::ZERO) & depth_m.simd_lt(splat(f32::INFINITY));
+        let is_near_x = at_x.simd_ge(splat(low_m.x)) & at_x.simd_lt(splat(high_m.x));
+        let is_near_y = at_y.simd_ge(splat(low_m.y)) & at_y.simd_lt(splat(high_m.y));
+        let is_meant = is_seen & table_m.simd_gt(f32x4::ZERO) & is_near_x & is_near_y;
+        is_meant.bitselect(depth_m / table_m, none).to_array()
+    };
+    let of_row = |v: usize| {
+        let row = &image.depth_m[v * image.width_px..(v + 1) * image.width_px];
+        let depths_m: Vec<f32> = row.iter().step_by(STRIDE_PX).copied().collect();
+        let ray_y = lens.ray([0, v]).y;
+        let ((rays, rest), (depths_m, rest_m)) = (rays_x.as_chunks::<4>(), depths_m.as_chunks::<4>());
+        let groups = rays.iter().zip(depths_m);
+        let mut ratios: Vec<f32> =
+            groups.flat_map(|(ray_x, depth_m)| ratio(f32x4::new(*ray_x), ray_y, f32x4::new(*depth_m))).collect();
+        let one = |ray_x: f32, depth_m: f32| ratio(splat(ray_x), ray_y, splat(depth_m))[0];
+        ratios.extend(rest.iter().zip(rest_m).map(|(ray_x, depth_m)| one(*ray_x, *depth_m)));
+        ratios
+    };
+    let rows: Vec<usize> = (0..image.height_px).step_by(STRIDE_PX).collect();
+    rows.par_iter().with_min_len(ROWS_MIN).map(|v| of_row(*v)).collect()
+}
+
+/// Rays through four pixels of a row, turned: to the bit as `rotation * ray`.
+#[inline(always)]
+fn turned(rotation: Quat, ray_x: f32x4, ray_y: f32) -> [f32x4; 3] {
+    let (splat, axis, w) = (f32x4::splat, Vec3::new(rotation.x, rotation.y, rotation.z), rotation.w);
+    let (y, along) = (splat(ray_y), splat(w * w - axis.dot(axis)));
+    let double = (ray_x * splat(axis.x) + splat(ray_y * axis.y) + splat(axis.z)) * splat(2.0);
+    let cross = [
+        splat(axis.y - ray_y * axis.z),
+        splat(axis.z) * ray_x - splat(axis.x),
+        splat(axis.x * ray_y) - ray_x * splat(axis.y),
+    ];
+    let (own, twice) = ([ray_x, y, f32x4::ONE], splat(w * 2.0));
+    [0, 1, 2].map(|at| own[at] * along + splat(axis[at]) * double + cross[at] * twice)
 }
 
 #[cfg(test)]
@@ -105,6 +149,17 @@ mod tests {
         assert!((factor / 1.05 - 1.0).abs() < 1e-3);
         for (a, b) in put_right.depth_m.iter().zip(&straight.depth_m) {
             assert!((a - b).abs() < 1e-3 * b.max(1e-3), "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn rays_are_turned_to_the_bit_as_one_at_a_time() {
+        let (image, camera) = view(1.0, false);
+        let (lens, rotation) = (camera.intrinsics, camera.workspace_from_camera.rotation);
+        for pixel in (0..image.depth_m.len()).step_by(7) {
+            let ray = lens.ray([pixel % 640, pixel / 640]);
+            let of_four = turned(rotation, f32x4::splat(ray.x), ray.y).map(|along| along.to_array()[3].to_bits());
+            assert_eq!(of_four, (rotation * ray).to_array().map(f32::to_bits));
         }
     }
 

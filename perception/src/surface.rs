@@ -17,6 +17,10 @@ use crate::blocks::{Field as _, SurfaceBlocks, VOXELS, corners};
 
 /// The surface in VGN's values: halfway between −1 and 1.
 const SURFACE: f32 = 0.5;
+/// Blocks that are looked at together.
+const PARTS: usize = 16;
+/// So far inside a cell, as a share of its side, its corners are looked at.
+const INSIDE: f32 = 1e-3;
 
 /// The surface of a TSDF in the workspace, in metres.
 ///
@@ -29,10 +33,38 @@ const SURFACE: f32 = 0.5;
 /// If `pitch_m` is not above 0.
 #[must_use]
 pub fn surface_cloud(field: &VoxelGrid, pitch_m: f32) -> Vec<Vec3> {
+    surface_beside(field, None, pitch_m)
+}
+
+/// The same without the points for which finer blocks have values.
+///
+/// # Panics
+/// If `pitch_m` is not above 0.
+#[must_use]
+pub fn surface_beside(field: &VoxelGrid, finer: Option<&SurfaceBlocks>, pitch_m: f32) -> Vec<Vec3> {
     let shares = shares(&field.lattice, pitch_m);
-    let slab = |i: usize| crossings(&field.lattice, &field.values, i, &shares);
-    // Enough slabs for a task that the paper's grid is two.
-    (0..field.lattice.counts[0].saturating_sub(1)).into_par_iter().with_min_len(20).flat_map_iter(slab).collect()
+    let slab = |i: usize| {
+        let (mut points, mut row) = (Vec::new(), Row::default());
+        // Most cells of things are inside of blocks as a whole.
+        let is_wanted = |cell: [usize; 3]| finer.is_none_or(|finer| !is_within(finer, &field.lattice, cell));
+        add_slab(&field.lattice, &field.values, i, &shares, &mut row, &mut points, is_wanted);
+        if let Some(finer) = finer {
+            points.retain(|point_m| !finer.has(*point_m));
+        }
+        points
+    };
+    let slabs = (0..field.lattice.counts[0].saturating_sub(1)).into_par_iter().with_min_len(4).map(slab);
+    slabs.collect::<Vec<_>>().concat()
+}
+
+/// Whether blocks have values in all of a cell of another lattice that is smaller than they are.
+fn is_within(blocks: &SurfaceBlocks, lattice: &Lattice, cell: [usize; 3]) -> bool {
+    let first_m = lattice.centre_m(cell);
+    // Corners a little inside: of blocks that only touch the cell nothing is asked.
+    (0..8).all(|corner| {
+        let share = |axis: usize| if corner >> axis & 1 == 0 { INSIDE } else { 1.0 - INSIDE };
+        blocks.has(first_m + Vec3::new(share(0), share(1), share(2)) * lattice.voxel_size_m)
+    })
 }
 
 /// The same of blocks, in their order.
@@ -43,11 +75,17 @@ pub fn surface_cloud(field: &VoxelGrid, pitch_m: f32) -> Vec<Vec3> {
 pub fn surface_of_blocks(field: &SurfaceBlocks, pitch_m: f32) -> Vec<Vec3> {
     let shares = shares(field.lattice(), pitch_m);
     let parts: Vec<(Lattice, &[f32])> = field.parts().collect();
-    let part = |(lattice, values): &(Lattice, &[f32])| {
-        let own = (0..VOXELS - 1).map(|i| crossings(lattice, values, i, &shares));
-        own.collect::<Vec<_>>().concat()
+    let of_parts = |parts: &[(Lattice, &[f32])]| {
+        let (mut points, mut row) = (Vec::new(), Row::default());
+        for (lattice, values) in parts {
+            let is_any = |is_meant: fn(f32) -> bool| values.iter().fold(0, |any, m| any | u32::from(is_meant(*m))) != 0;
+            if is_any(|value| (value > 0.0) & (value < SURFACE)) && is_any(|value| value >= SURFACE) {
+                (0..VOXELS - 1).for_each(|i| add_slab(lattice, values, i, &shares, &mut row, &mut points, |_| true));
+            }
+        }
+        points
     };
-    parts.par_iter().with_min_len(16).flat_map_iter(part).collect()
+    parts.par_chunks(PARTS).map(of_parts).collect::<Vec<_>>().concat()
 }
 
 /// Where lines run through a cell, along either edge.
@@ -57,43 +95,68 @@ fn shares(lattice: &Lattice, pitch_m: f32) -> Vec<f32> {
     (0..lines).map(|line| (line as f32 + 0.5) / lines as f32).collect()
 }
 
-/// The crossings in the cells with this x.
-fn crossings(lattice: &Lattice, values: &[f32], i: usize, shares: &[f32]) -> Vec<Vec3> {
+/// Adds the crossings in those of the cells with this x that are wanted.
+fn add_slab(
+    lattice: &Lattice,
+    values: &[f32],
+    i: usize,
+    shares: &[f32],
+    row: &mut Row,
+    points: &mut Vec<Vec3>,
+    is_wanted: impl Fn([usize; 3]) -> bool,
+) {
     let [_, cells_y, cells_z] = lattice.counts.map(|count| count.saturating_sub(1));
-    let (mut points, mut row) = (Vec::new(), Row::default());
+    row.set(lattice, values, i);
     for j in 0..cells_y {
-        row.set(lattice, values, [i, j]);
-        for k in (0..cells_z).filter(|k| row.is_crossed(*k)) {
-            add_crossings(lattice, [i, j, k], &corners(values, lattice.counts, [i, j, k]), shares, &mut points);
+        let crossed = &row.is_crossed[j * lattice.counts[2]..][..cells_z];
+        for k in (0..cells_z).filter(|k| crossed[*k] != 0 && is_wanted([i, j, *k])) {
+            add_crossings(lattice, [i, j, k], &corners(values, lattice.counts, [i, j, k]), shares, points);
         }
     }
-    points
 }
 
-/// The lowest and the highest of the four values around each place along a row of cells: most cells of a scene are not
-/// crossed, and this is a quick look at them.
+/// Which cells of a slab are crossed: most cells of a scene are not, and this is a quick look at them, in passes over
+/// all of the slab, which the compiler vectorises.
 #[derive(Default)]
 struct Row {
+    /// The lowest and the highest value at each place, of those around it so far.
     low: Vec<f32>,
     high: Vec<f32>,
+    /// 1 if all corners of the cell were observed and the surface passes between them; nothing is meant at the last
+    /// places along y and z.
+    is_crossed: Vec<u8>,
 }
 
 impl Row {
-    fn set(&mut self, lattice: &Lattice, values: &[f32], [i, j]: [usize; 2]) {
-        let n = lattice.counts[2];
-        let row = |i, j| &values[lattice.flat([i, j, 0])..][..n];
-        let [a, b, c, d] = [row(i, j), row(i, j + 1), row(i + 1, j), row(i + 1, j + 1)];
+    fn set(&mut self, lattice: &Lattice, values: &[f32], i: usize) {
+        let [_, width, height] = lattice.counts;
+        let slab = |i: usize| &values[i * width * height..][..width * height];
+        let (near, far) = (slab(i), slab(i + 1));
+        let both = || near.iter().zip(far);
         self.low.clear();
-        self.low.extend((0..n).map(|k| a[k].min(b[k]).min(c[k].min(d[k]))));
+        self.low.extend(both().map(|(a, b)| least(*a, *b)));
         self.high.clear();
-        self.high.extend((0..n).map(|k| a[k].max(b[k]).max(c[k].max(d[k]))));
+        self.high.extend(both().map(|(a, b)| most(*a, *b)));
+        // With the next along y, then along z.
+        for step in [height, 1] {
+            let count = (width * height).saturating_sub(step);
+            for at in 0..count {
+                self.low[at] = least(self.low[at], self.low[at + step]);
+                self.high[at] = most(self.high[at], self.high[at + step]);
+            }
+        }
+        let crossed = |(low, high): (&f32, &f32)| u8::from((*low > 0.0) & (*low < SURFACE) & (*high >= SURFACE));
+        self.is_crossed.clear();
+        self.is_crossed.extend(self.low.iter().zip(&self.high).map(crossed));
     }
+}
 
-    /// Whether all corners of a cell were observed and the surface passes between them.
-    fn is_crossed(&self, k: usize) -> bool {
-        let low = self.low[k].min(self.low[k + 1]);
-        low > 0.0 && low < SURFACE && self.high[k].max(self.high[k + 1]) >= SURFACE
-    }
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+fn most(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 fn add_crossings(lattice: &Lattice, cell: [usize; 3], corners: &[f32; 8], shares: &[f32], points: &mut Vec<Vec3>) {

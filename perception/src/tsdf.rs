@@ -6,13 +6,7 @@
 //! surface are not updated, because the view contains no information about them. Views are averaged. This is Open3D's
 //! `UniformTSDFVolume` (Curless & Levoy 1996), which VGN used, so VGN's published weights work on our grids.
 
-use core::ops::Range;
-
-use rayon::prelude::*;
-use schema::{Camera, DepthImage, Intrinsics, Lattice, Mat3, Pose, Vec3, VoxelGrid};
-
-use crate::blocks::{CELLS, SurfaceBlocks, VALUES, VOXELS, block_counts};
-use crate::seen::{seen_points, stride_px};
+use schema::{Camera, Intrinsics, Lattice, Pose, Vec3, VoxelGrid};
 
 /// VGN's truncation: 4 voxels (`TSDFVolume.sdf_trunc`), 30 mm on the paper's grid.
 pub const TRUNCATION_VOXELS: f32 = 4.0;
@@ -63,7 +57,7 @@ impl Tsdf {
     /// camera saw nothing.
     pub fn integrate_lines(&mut self, camera: &Camera, mut look_up: impl FnMut(&[[usize; 2]], &mut [f32])) {
         let [_, width, height] = self.lattice.counts;
-        let mut column = Column::new(camera, &self.lattice, 0..height, 1);
+        let mut column = Column::new(camera, &self.lattice);
         let slabs = self.mean.chunks_mut(width * height).zip(self.weight.chunks_mut(width * height));
         for (i, (mean, weight)) in slabs.enumerate() {
             column.fuse_slab(i, self.truncation_m, &mut look_up, (mean, weight));
@@ -86,7 +80,7 @@ impl Tsdf {
     }
 }
 
-fn truncation_m(lattice: &Lattice, truncation_voxels: f32) -> f32 {
+pub(crate) fn truncation_m(lattice: &Lattice, truncation_voxels: f32) -> f32 {
     assert!(truncation_voxels > 0.0, "the truncation must be above 0 voxels, got {truncation_voxels}");
     truncation_voxels * lattice.voxel_size_m
 }
@@ -101,165 +95,8 @@ fn one_by_one(mut depth_at: impl FnMut([usize; 2]) -> Option<f32>) -> impl FnMut
 }
 
 /// The stored value of a voxel with this mean over this many views.
-fn stored(mean: f32, weight: f32) -> f32 {
+pub(crate) fn stored(mean: f32, weight: f32) -> f32 {
     if weight > 0.0 && mean > -STORED_MAX && mean < STORED_MAX { (mean + 1.0) * 0.5 } else { 0.0 }
-}
-
-/// The field of depth images in VGN's values, on all threads: the bits of [`Tsdf::integrate`] and
-/// [`Tsdf::to_voxels`]. `truncation_voxels` as in [`Tsdf::new`].
-///
-/// Only heights near something that was seen are worked on: a voxel above all of it is empty for every view, one below
-/// is hidden from every view, and both are stored as 0. (Plans from three views on grids of 40³ and 120³ voxels take
-/// 87 ms instead of 101 with this and the quicker search in `surface_cloud`.)
-///
-/// # Panics
-/// If the truncation is not above 0.
-#[must_use]
-pub fn fuse_images(lattice: impl Into<Lattice>, truncation_voxels: f32, views: &[(Camera, &DepthImage)]) -> VoxelGrid {
-    let lattice = lattice.into();
-    let truncation_m = truncation_m(&lattice, truncation_voxels);
-    let ([_, width, height], heights) = (lattice.counts, heights_seen(views, &lattice, truncation_m));
-    let mut values = vec![0.0; lattice.len()];
-    if heights.is_empty() {
-        return VoxelGrid { lattice, values };
-    }
-    let columns = || -> Vec<Column> {
-        views.iter().map(|(camera, _)| Column::new(camera, &lattice, heights.clone(), 1)).collect()
-    };
-    let slabs = values.par_chunks_mut(width * height).enumerate().with_min_len(4);
-    slabs.for_each_init(columns, |columns, (i, slab)| {
-        let (mut mean, mut weight) = (vec![0.0; width * heights.len()], vec![0.0; width * heights.len()]);
-        for (column, (_, image)) in columns.iter_mut().zip(views) {
-            let mut look_up = one_by_one(|pixel| image.at(pixel));
-            column.fuse_slab(i, truncation_m, &mut look_up, (&mut mean, &mut weight));
-        }
-        let seen = mean.chunks(heights.len()).zip(weight.chunks(heights.len()));
-        for (column, (mean, weight)) in slab.chunks_mut(height).zip(seen) {
-            let into = column[heights.clone()].iter_mut();
-            into.zip(mean.iter().zip(weight)).for_each(|(value, (mean, weight))| *value = stored(*mean, *weight));
-        }
-    });
-    VoxelGrid { lattice, values }
-}
-
-/// The same field, but only in blocks near something that was seen above a height of `above_m`: elsewhere all voxels
-/// are stored as 0.
-///
-/// # Panics
-/// If the truncation is not above 0.
-#[must_use]
-pub fn fuse_blocks(
-    lattice: &Lattice,
-    truncation_voxels: f32,
-    above_m: f32,
-    views: &[(Camera, &DepthImage)],
-) -> SurfaceBlocks {
-    let truncation_m = truncation_m(lattice, truncation_voxels);
-    let mut blocks = SurfaceBlocks::new(*lattice, &near_surfaces(lattice, truncation_m, above_m, views));
-    let (lattices, values) = blocks.parts_mut();
-    let columns =
-        || -> Vec<Column> { views.iter().map(|(camera, _)| Column::new(camera, lattice, 0..VOXELS, LINES)).collect() };
-    values.par_chunks_mut(VALUES).zip(lattices).with_min_len(16).for_each_init(
-        columns,
-        |columns, (values, lattice)| {
-            let (mut mean, mut weight) = ([0.0; VALUES], [0.0; VALUES]);
-            for (column, (_, image)) in columns.iter_mut().zip(views) {
-                column.lattice = lattice;
-                (0..LINES).for_each(|line| column.project(line, [line / VOXELS, line % VOXELS]));
-                column.look_up(&mut one_by_one(|pixel| image.at(pixel)));
-                column.fuse(truncation_m, &mut mean, &mut weight);
-            }
-            values
-                .iter_mut()
-                .zip(mean.iter().zip(weight))
-                .for_each(|(value, (mean, weight))| *value = stored(*mean, weight));
-        },
-    );
-    blocks
-}
-
-/// Lines of a block's voxels along z.
-const LINES: usize = VOXELS * VOXELS;
-/// About so many pixels along an image's width are looked at for blocks.
-const COLUMNS_PX: usize = 320;
-
-/// Of each block of a lattice, whether something above a height was seen within the truncation of it.
-fn near_surfaces(lattice: &Lattice, truncation_m: f32, above_m: f32, views: &[(Camera, &DepthImage)]) -> Vec<bool> {
-    let counts = block_counts(lattice);
-    let block_m = CELLS as f32 * lattice.voxel_size_m;
-    let of_view = |(camera, image): &(Camera, &DepthImage)| {
-        let mut is_near = vec![false; counts.iter().product()];
-        let stride = stride_px(image, COLUMNS_PX);
-        // A voxel's centre and the ray of its pixel are less than a pixel apart.
-        let pixel = (1 + stride) as f32 * (1.0 / camera.intrinsics.fx_px).max(1.0 / camera.intrinsics.fy_px);
-        seen_points(camera, image, COLUMNS_PX).filter(|(at_m, _)| at_m.z >= above_m).for_each(|(at_m, depth_m)| {
-            let margin_m = truncation_m + pixel * depth_m;
-            // Blocks begin at the centre of the lattice's first voxel; a negative number rounds to 0.
-            let block = |along_m: f32| ((along_m - 0.5 * lattice.voxel_size_m) / block_m).floor();
-            let [low, high] = [-margin_m, margin_m].map(|margin_m| (at_m - lattice.low_m + margin_m).map(block));
-            let last = Vec3::from_array(counts.map(|count| count as f32));
-            if high.cmplt(Vec3::ZERO).any() || low.cmpge(last).any() {
-                return;
-            }
-            let [x, y, z] = [0, 1, 2].map(|axis| low[axis] as usize..(high[axis] as usize + 1).min(counts[axis]));
-            for (x, y) in x.flat_map(|x| y.clone().map(move |y| (x, y))) {
-                let line = (x * counts[1] + y) * counts[2];
-                is_near[line + z.start..line + z.end].fill(true);
-            }
-        });
-        is_near
-    };
-    let either = |a: Vec<bool>, b: Vec<bool>| a.iter().zip(b).map(|(a, b)| *a || b).collect();
-    views.par_iter().map(of_view).reduce_with(either).unwrap_or_else(|| vec![false; counts.iter().product()])
-}
-
-/// The layers of voxels that are within the truncation of a point that a view saw in the workspace.
-fn heights_seen(views: &[(Camera, &DepthImage)], lattice: &Lattice, truncation_m: f32) -> Range<usize> {
-    let ranges_m: Vec<[f32; 2]> =
-        views.par_iter().map(|(camera, image)| heights_m(camera, image, lattice, truncation_m)).collect();
-    let [low_m, high_m] = ranges_m.into_iter().fold(NOTHING_M, wider);
-    let layer = |z_m: f32| ((z_m - lattice.low_m.z) / lattice.voxel_size_m).clamp(0.0, lattice.counts[2] as f32);
-    if low_m < high_m { layer(low_m) as usize..layer(high_m).ceil() as usize } else { 0..0 }
-}
-
-/// The range of heights of no points.
-const NOTHING_M: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
-
-fn wider([low, high]: [f32; 2], [other_low, other_high]: [f32; 2]) -> [f32; 2] {
-    [low.min(other_low), high.max(other_high)]
-}
-
-/// The heights within the truncation of what one view saw in the workspace.
-fn heights_m(camera: &Camera, image: &DepthImage, lattice: &Lattice, truncation_m: f32) -> [f32; 2] {
-    let corners_m = lattice.corners_m();
-    let (from_m, lens) = (camera.workspace_from_camera.translation, camera.intrinsics);
-    let turn = Mat3::from_quat(camera.workspace_from_camera.rotation);
-    // A voxel's centre and the ray of its pixel are less than a pixel apart.
-    let pixel = 1.0 / lens.fx_px + 1.0 / lens.fy_px;
-    let rays_x: Vec<f32> = (0..image.width_px).map(|u| lens.ray([u, 0]).x).collect();
-    // Eight pixels at a time and without branches, which the compiler vectorises.
-    let (mut low_m, mut high_m) = ([f32::INFINITY; 8], [f32::NEG_INFINITY; 8]);
-    for (v, depths_m) in image.depth_m.chunks_exact(image.width_px.max(1)).enumerate() {
-        let along = turn * lens.ray([0, v]).with_x(0.0);
-        let mut look = |lane: usize, ray_x: f32, depth_m: f32| {
-            let at_m = from_m + (turn.x_axis * ray_x + along) * depth_m;
-            let margin_m = truncation_m + pixel * depth_m;
-            let [low, high] = [corners_m[0] - margin_m, corners_m[1] + margin_m];
-            // False for pixels that saw nothing: 0, infinite or NaN.
-            let is_in =
-                (depth_m > 0.0) & ((at_m.x > low.x) & (at_m.x < high.x)) & ((at_m.y > low.y) & (at_m.y < high.y));
-            let [low, high] = if is_in { [at_m.z - margin_m, at_m.z + margin_m] } else { NOTHING_M };
-            low_m[lane] = if low < low_m[lane] { low } else { low_m[lane] };
-            high_m[lane] = if high > high_m[lane] { high } else { high_m[lane] };
-        };
-        let (rays_x, rest_x) = rays_x.as_chunks::<8>();
-        let (depths_m, rest_m) = depths_m.as_chunks::<8>();
-        for (rays_x, depths_m) in rays_x.iter().zip(depths_m) {
-            (0..8).for_each(|lane| look(lane, rays_x[lane], depths_m[lane]));
-        }
-        rest_x.iter().zip(rest_m).for_each(|(ray_x, depth_m)| look(0, *ray_x, *depth_m));
-    }
-    low_m.into_iter().zip(high_m).map(|(low_m, high_m)| [low_m, high_m]).fold(NOTHING_M, wider)
 }
 
 /// A column of voxels along workspace z in one view, processed in three passes. The first and the last pass have no
@@ -269,8 +106,6 @@ fn heights_m(camera: &Camera, image: &DepthImage, lattice: &Lattice, truncation_
 struct Column {
     lens: Intrinsics,
     lattice: Lattice,
-    /// Which of its voxels.
-    heights: Range<usize>,
     camera_from_workspace: Pose,
     /// From one voxel to the next, in the camera frame, metres.
     step_m: Vec3,
@@ -290,11 +125,11 @@ struct Column {
 }
 
 impl Column {
-    fn new(camera: &Camera, lattice: &Lattice, heights: Range<usize>, lines: usize) -> Self {
+    fn new(camera: &Camera, lattice: &Lattice) -> Self {
         let lens = camera.intrinsics;
         let square = |x: f32| x * x;
         let camera_from_workspace = camera.workspace_from_camera.inverse();
-        let blank = vec![0.0; heights.len() * lines];
+        let blank = vec![0.0; lattice.counts[2]];
         Self {
             lens,
             lattice: *lattice,
@@ -307,12 +142,11 @@ impl Column {
             z_m: blank.clone(),
             depth_m: blank.clone(),
             ray2: blank,
-            pixels: vec![[0; 2]; heights.len() * lines],
-            heights,
+            pixels: vec![[0; 2]; lattice.counts[2]],
         }
     }
 
-    /// Updates the columns (i, ·), of these heights, with this view.
+    /// Updates the columns (i, ·) with this view.
     fn fuse_slab(
         &mut self,
         i: usize,
@@ -320,22 +154,21 @@ impl Column {
         look_up: &mut impl FnMut(&[[usize; 2]], &mut [f32]),
         (mean, weight): (&mut [f32], &mut [f32]),
     ) {
-        let count = self.heights.len();
+        let count = self.lattice.counts[2];
         for (j, (mean, weight)) in mean.chunks_mut(count).zip(weight.chunks_mut(count)).enumerate() {
-            self.project(0, [i, j]);
+            self.project([i, j]);
             self.look_up(look_up);
             self.fuse(truncation_m, mean, weight);
         }
     }
 
-    /// The pixels of the voxels of column (i, j), as one of the lines; the arithmetic of [`Intrinsics::project`].
-    fn project(&mut self, line: usize, [i, j]: [usize; 2]) {
+    /// The pixels of the voxels of column (i, j); the arithmetic of [`Intrinsics::project`].
+    fn project(&mut self, [i, j]: [usize; 2]) {
         let (lens, step_m) = (self.lens, self.step_m);
         let first_m = self.camera_from_workspace * self.lattice.centre_m([i, j, 0]);
-        let own = line * self.heights.len()..(line + 1) * self.heights.len();
-        let slots = self.u[own.clone()].iter_mut().zip(&mut self.v[own.clone()]).zip(&mut self.z_m[own]);
-        for (k, ((u, v), z_m)) in self.heights.clone().zip(slots) {
-            let voxel_m = first_m + step_m * (k as u32 as f32);
+        let slots = self.u.iter_mut().zip(&mut self.v).zip(&mut self.z_m);
+        for (k, ((u, v), z_m)) in (0_u32..).zip(slots) {
+            let voxel_m = first_m + step_m * (k as f32);
             let ahead = if voxel_m.z > 0.0 { 0.5 } else { f32::NAN };
             *u = voxel_m.x * lens.fx_px / voxel_m.z + lens.cx_px + ahead;
             *v = voxel_m.y * lens.fy_px / voxel_m.z + lens.cy_px + 0.5;

@@ -1,10 +1,8 @@
 //! Where grasps are looked for by a judge: all that was seen above the table within reach, not a cube.
 
-use perception::seen_points;
+use perception::SeenPoint;
 use rayon::prelude::*;
 use schema::{Grid, Lattice, Vec3};
-
-use crate::observation::View;
 
 /// Cells of the table in which things are looked for.
 const CELL_M: f32 = 0.02;
@@ -17,8 +15,6 @@ const BEYOND_M: f32 = 0.25;
 /// The field reaches this far beyond things, and the table's top this far below.
 const MARGIN_M: f32 = 0.1;
 const BELOW_M: f32 = 0.05;
-/// About so many pixels along an image's width are looked at.
-const COLUMNS_PX: usize = 320;
 
 /// The box in which hands may touch something, and the voxels around it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,14 +32,15 @@ impl Region {
         Self { reach_m: lattice.corners_m(), lattice }
     }
 
-    /// The things that views show in a box, in voxels as a grid has them; without things that grid.
-    pub(crate) fn of_views(views: &[View], within_m: [Vec3; 2], grid: &Grid) -> Self {
-        let of_view = |View { image, camera, .. }: &View| {
+    /// The things among what views show above the table in a box, in voxels as a grid has them; without things that
+    /// grid.
+    pub(crate) fn of_views(seen: &[Vec<SeenPoint>], within_m: [Vec3; 2], grid: &Grid) -> Self {
+        let of_view = |seen: &Vec<SeenPoint>| {
             let mut things = Things::new(within_m, grid);
-            seen_points(camera, image, COLUMNS_PX).for_each(|(at_m, _)| things.add(at_m));
+            seen.iter().for_each(|(at_m, _)| things.add(*at_m));
             things
         };
-        let things = views.par_iter().map(of_view).reduce_with(Things::with);
+        let things = seen.par_iter().map(of_view).reduce_with(Things::with);
         things.and_then(|things| things.region(within_m, grid)).unwrap_or_else(|| Self::cube(grid))
     }
 

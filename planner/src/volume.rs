@@ -1,11 +1,10 @@
 //! From an observation to the inputs of planning: the grid for the network and the cloud for the objects.
 
-use std::borrow::Cow;
-
 use perception::{
-    NEAR_M, SurfaceBlocks, TRUNCATION_VOXELS, cloud_image, fuse_blocks, fuse_images, scaled_to_table, surface_cloud,
-    surface_of_blocks, table_around, thinned, view_from,
+    COLUMNS_PX, NEAR_M, ScaledView, SeenPoint, Sights, SurfaceBlocks, TRUNCATION_VOXELS, cloud_image, depth_factor,
+    seen_above, surface_beside, surface_cloud, surface_of_blocks, table_around, thinned, view_from,
 };
+use rayon::prelude::*;
 use schema::{Camera, DepthImage, Grid, Lattice, Vec3, VoxelGrid};
 
 use crate::config::CloudParams;
@@ -51,17 +50,17 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
         Observation::Views(views) => {
             views.iter().enumerate().try_for_each(must_fit)?;
             let mut warnings = Vec::new();
-            let views = corrected(views, workspace, params, &mut warnings);
+            let views = scaled(views, workspace, params, &mut warnings);
+            let above = seen_off_table(workspace, &views);
             let region = match workspace {
                 Workspace::Cube(grid) => Region::cube(grid),
-                Workspace::Seen(within_m, grid) => Region::of_views(&views, *within_m, grid),
+                Workspace::Seen(within_m, grid) => Region::of_views(&above, *within_m, grid),
             };
-            let seen: Vec<(Camera, &DepthImage)> = views.iter().map(|view| (view.camera, &view.image)).collect();
-            let voxels = fuse_images(region.lattice, TRUNCATION_VOXELS, &seen);
-            let fine = fuse_finely(&region.lattice, params, workspace, &seen);
-            let mut points_m = surface_cloud(&voxels, params.pitch_m);
+            let sights = Sights::new(&views);
+            let voxels = sights.fuse(region.lattice, TRUNCATION_VOXELS);
+            let fine = fuse_finely(&region.lattice, params, &above, &sights);
+            let mut points_m = surface_beside(&voxels, fine.as_ref(), params.pitch_m);
             if let Some(fine) = &fine {
-                points_m.retain(|point_m| !fine.has(*point_m));
                 points_m.append(&mut surface_of_blocks(fine, params.pitch_m));
             }
             let (reach_m, rendered) = (region.reach_m, Vec::new());
@@ -84,16 +83,20 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
     }
 }
 
+/// What views show above the table.
+fn seen_off_table(workspace: &Workspace, views: &[ScaledView<'_>]) -> Vec<Vec<SeenPoint>> {
+    let (Workspace::Cube(grid) | Workspace::Seen(_, grid)) = workspace;
+    views.par_iter().map(|view| seen_above(view, COLUMNS_PX, grid.table_z_m + ROUGH_M)).collect()
+}
+
 /// The finer TSDF of what views show above the table: the bare table is as good in coarse voxels.
 fn fuse_finely(
     lattice: &Lattice,
     params: CloudParams,
-    workspace: &Workspace,
-    seen: &[(Camera, &DepthImage)],
+    above: &[Vec<SeenPoint>],
+    sights: &Sights<'_>,
 ) -> Option<SurfaceBlocks> {
-    let (Workspace::Cube(grid) | Workspace::Seen(_, grid)) = workspace;
-    let above_m = grid.table_z_m + ROUGH_M;
-    fine_lattice(lattice, params).map(|fine| fuse_blocks(&fine, TRUNCATION_VOXELS, above_m, seen))
+    fine_lattice(lattice, params).map(|fine| sights.fuse_near(&fine, TRUNCATION_VOXELS, above))
 }
 
 /// What is seen no higher than this above the table's height is the table.
@@ -108,25 +111,23 @@ fn fine_lattice(lattice: &Lattice, params: CloudParams) -> Option<Lattice> {
 }
 
 /// Depth images as they are fused: scaled to the table if the settings say so.
-pub(crate) fn corrected<'a>(
+fn scaled<'a>(
     views: &'a [View],
     workspace: &Workspace,
     params: CloudParams,
     warnings: &mut Vec<String>,
-) -> Cow<'a, [View]> {
-    if !params.scale_to_table {
-        return views.into();
-    }
+) -> Vec<ScaledView<'a>> {
     let table = match workspace {
         Workspace::Cube(grid) => table_around(grid),
         Workspace::Seen(within_m, grid) => (*within_m, grid.table_z_m),
     };
-    let scaled = |(number, View { image, camera, key }): (usize, &View)| {
-        let (image, factor) = scaled_to_table(image, camera, &table);
-        warnings.extend(far_off(number, factor));
-        View { image, camera: *camera, key: *key }
+    let scaled = |View { image, camera, .. }: &'a View| {
+        let factor = if params.scale_to_table { depth_factor(image, camera, &table) } else { 1.0 };
+        (*camera, image, factor)
     };
-    views.iter().enumerate().map(scaled).collect()
+    let scaled: Vec<ScaledView<'_>> = views.par_iter().map(scaled).collect();
+    warnings.extend(scaled.iter().enumerate().filter_map(|(number, (_, _, factor))| far_off(number, *factor)));
+    scaled
 }
 
 /// A sensor's depths are hardly wrong by more than this share; a camera's pose or the workspace's height may be.
@@ -224,9 +225,10 @@ fn fuse_cloud(
         views.push(View::new(image, camera));
     }
     warnings.extend(hidden(hidden_m.len(), points_m.len(), eyes_m.len()));
-    let seen: Vec<(Camera, &DepthImage)> = views.iter().map(|view| (view.camera, &view.image)).collect();
-    let grid = fuse_images(lattice, TRUNCATION_VOXELS, &seen);
-    let fine = fuse_finely(&lattice, params, workspace, &seen);
+    let seen: Vec<ScaledView<'_>> = views.iter().map(|view| (view.camera, &view.image, 1.0)).collect();
+    let sights = Sights::new(&seen);
+    let grid = sights.fuse(lattice, TRUNCATION_VOXELS);
+    let fine = fuse_finely(&lattice, params, &seen_off_table(workspace, &seen), &sights);
     Ok(Volume { grid, points_m, fine, reach_m, rendered: views, warnings })
 }
 
