@@ -4,6 +4,7 @@
 use core::f32::consts::PI;
 
 use perception::{PlaneParams, TableCandidate, find_plane, find_tables, seen_points};
+use rayon::prelude::*;
 use schema::{Grid, Mat3, Plane, Pose, Purpose, Quat, Stream, Vec3, pose_from_parts};
 
 use crate::input::{InputError, refuse};
@@ -269,7 +270,7 @@ impl Claim {
 /// Warnings for views whose poses or lenses disagree with what they show; one for all views with the same fault.
 pub(crate) fn disagreements(views: &[View], base_from_workspace: Option<Pose>, grid: &Grid, seed: u64) -> Vec<String> {
     let of_view = |view: &View| [misplaced(view, base_from_workspace, grid, seed), other_lens(view)];
-    let found: Vec<[Option<String>; 2]> = views.iter().map(of_view).collect();
+    let found: Vec<[Option<String>; 2]> = views.par_iter().map(of_view).collect();
     let mut warnings: Vec<String> = Vec::new();
     for said in found.iter().flatten().flatten() {
         let of = |(number, faults): (usize, &[Option<String>; 2])| {

@@ -2,6 +2,7 @@
 
 use core::cmp::Ordering;
 
+use rayon::prelude::*;
 use schema::{Stream, Vec3};
 
 use crate::config::{Policy, RankingParams, WithoutObject};
@@ -17,15 +18,49 @@ pub fn rho_m(position_m: Vec3, centroid_m: Vec3, quality: f32, weights: [f32; 3]
     (Vec3::from_array(weights) * off * off).element_sum().sqrt() / quality
 }
 
-/// The object of the nearest object point, if that is at most `distance_m_max` away.
-#[must_use]
-pub fn object_at(position_m: Vec3, cloud: &SegmentedCloud, distance_m_max: f32) -> Option<usize> {
-    let squares = cloud.points_m.iter().zip(&cloud.labels).filter_map(|(point, label)| match label {
-        PointLabel::Object(object) => Some(((*point - position_m).length_squared(), *object)),
-        PointLabel::Plane | PointLabel::Noise => None,
-    });
-    let (square, object) = squares.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (square <= distance_m_max * distance_m_max).then_some(object)
+/// Points that are held against a grasp together.
+const LANES: usize = 8;
+
+/// The points of objects, by coordinate, in runs; the last one ends with points that are nowhere.
+struct ObjectPoints {
+    runs: Vec<[[f32; LANES]; 3]>,
+    objects: Vec<usize>,
+}
+
+impl ObjectPoints {
+    fn of(cloud: &SegmentedCloud) -> Self {
+        let (mut runs, mut objects) = (Vec::new(), Vec::new());
+        for (point_m, label) in cloud.points_m.iter().zip(&cloud.labels) {
+            if let PointLabel::Object(object) = label {
+                let lane = objects.len() % LANES;
+                if lane == 0 {
+                    runs.push([[f32::INFINITY; LANES]; 3]);
+                }
+                if let Some(run) = runs.last_mut() {
+                    (0..3).for_each(|axis| run[axis][lane] = point_m[axis]);
+                }
+                objects.push(*object);
+            }
+        }
+        Self { runs, objects }
+    }
+
+    /// The object of the nearest point, the first of equals, if that is at most `distance_m_max` away.
+    fn object_at(&self, position_m: Vec3, distance_m_max: f32) -> Option<usize> {
+        // Without branches, which the compiler vectorises.
+        let (mut squares, mut places) = ([f32::INFINITY; LANES], [0_u32; LANES]);
+        for (place, [x_m, y_m, z_m]) in (0..).zip(&self.runs) {
+            for lane in 0..LANES {
+                let square = (Vec3::new(x_m[lane], y_m[lane], z_m[lane]) - position_m).length_squared();
+                let is_nearer = square < squares[lane];
+                squares[lane] = if is_nearer { square } else { squares[lane] };
+                places[lane] = if is_nearer { place } else { places[lane] };
+            }
+        }
+        let ends = (0..LANES).map(|lane| (squares[lane], places[lane] as usize * LANES + lane));
+        let (square, point) = ends.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
+        (square <= distance_m_max * distance_m_max).then(|| self.objects.get(point).copied()).flatten()
+    }
 }
 
 /// Assigns each grasp its object and ρ.
@@ -35,12 +70,13 @@ pub(crate) fn attribute(
     objects: &[ObjectCluster],
     params: &RankingParams,
 ) {
-    for ranked in grasps {
+    let points = ObjectPoints::of(cloud);
+    grasps.par_iter_mut().for_each(|ranked| {
         let position_m = ranked.workspace_from_grasp.translation;
-        ranked.object = object_at(position_m, cloud, params.object_distance_m_max);
+        ranked.object = points.object_at(position_m, params.object_distance_m_max);
         ranked.rho_m =
             ranked.object.map(|object| rho_m(position_m, objects[object].centroid_m, ranked.quality, params.weights));
-    }
+    });
 }
 
 /// Sorts grasps, whose widths were measured, by the policy, best first. Equal grasps keep the order of their voxels.

@@ -1,7 +1,9 @@
 //! How wide is what a hand closes on: measured on what was seen between its fingers, or unknown.
 
+use core::ops::Range;
+
 use rayon::prelude::*;
-use schema::{Grasp, Gripper, HandBox, Pose, Vec3, bounds_m};
+use schema::{Grasp, Gripper, HandBox, Intrinsics, Mat3, Pose, Vec3, bounds_m};
 
 use crate::limits::corners;
 use crate::observation::View;
@@ -33,6 +35,8 @@ pub(crate) struct Widths<'a> {
     views: &'a [View],
     /// The workspace in their cameras' frames.
     cameras: Vec<Pose>,
+    /// The rays' x of their images' columns.
+    rays_x: Vec<Vec<f32>>,
     table_z_m: f32,
     gripper: &'a Gripper,
 }
@@ -51,7 +55,9 @@ struct Between {
 impl<'a> Widths<'a> {
     pub(crate) fn new(views: &'a [View], table_z_m: f32, gripper: &'a Gripper) -> Self {
         let cameras = views.iter().map(|view| view.camera.workspace_from_camera.inverse()).collect();
-        Self { views, cameras, table_z_m, gripper }
+        let of_view =
+            |View { image, camera, .. }: &View| (0..image.width_px).map(|u| camera.intrinsics.ray([u, 0]).x).collect();
+        Self { views, cameras, rays_x: views.iter().map(of_view).collect(), table_z_m, gripper }
     }
 
     /// The hand with what it closes on in its middle, if both ends of that were seen.
@@ -96,16 +102,18 @@ impl<'a> Widths<'a> {
 
     fn between(&self, workspace_from_grasp: &Pose) -> Option<Between> {
         let points_m = self.points_between(workspace_from_grasp);
-        let mut ends_m = ends(points_m.iter().map(|at| at.y).collect(), POINTS_MIN)?;
+        let mut ends_m = ends(points_m.iter().map(|at| at.y), POINTS_MIN)?;
         let mut rows: Vec<Vec<Vec3>> = Vec::new();
         for at_m in points_m {
             let row = (-at_m.z / ROW_M) as usize;
-            rows.resize_with(rows.len().max(row + 1), Vec::new);
+            if rows.len() <= row {
+                rows.resize_with(row + 1, Vec::new);
+            }
             rows[row].push(at_m);
         }
         let (mut are_seen, mut seen, mut count) = ([false; 2], 0, 0);
         for points in &rows {
-            let Some(own_m) = ends(points.iter().map(|at| at.y).collect(), ROW_MIN) else { continue };
+            let Some(own_m) = ends(points.iter().map(|at| at.y), ROW_MIN) else { continue };
             for end in 0..2 {
                 let outwards = Vec3::new(0.0, [-1.0, 1.0][end], 0.0);
                 // The middle of the end: beside it the hand may reach beyond a corner of the thing.
@@ -134,7 +142,7 @@ impl<'a> Widths<'a> {
         let half_m = 0.5 * Vec3::new(gripper.finger_width_m, gripper.opening_m_max, gripper.finger_length_m);
         let between = HandBox { centre_m: Vec3::new(0.0, 0.0, -half_m.z), half_m };
         let mut points_m = Vec::new();
-        for (view, camera_from_workspace) in self.views.iter().zip(&self.cameras) {
+        for ((view, camera_from_workspace), rays_x) in self.views.iter().zip(&self.cameras).zip(&self.rays_x) {
             let lens = view.camera.intrinsics;
             let camera_from_grasp = *camera_from_workspace * *workspace_from_grasp;
             let corners_m: Vec<Vec3> = corners(&between).map(|corner_m| camera_from_grasp * corner_m).collect();
@@ -142,29 +150,115 @@ impl<'a> Widths<'a> {
             if low_m.z <= 0.0 {
                 continue;
             }
-            let pixels = |axis: usize, focal_px: f32, centre_px: f32, size_px: usize| {
-                let at_px = || corners_m.iter().map(|corner_m| corner_m[axis] * focal_px / corner_m.z + centre_px);
-                let end = |px: f32| px.clamp(0.0, size_px as f32) as usize;
-                end(at_px().fold(f32::INFINITY, f32::min))..end(at_px().fold(f32::NEG_INFINITY, f32::max) + 1.0)
-            };
-            let columns = pixels(0, lens.fx_px, lens.cx_px, view.image.width_px);
             let grasp_from_camera = workspace_from_grasp.inverse() * view.camera.workspace_from_camera;
-            for v in pixels(1, lens.fy_px, lens.cy_px, view.image.height_px) {
-                for u in columns.clone() {
-                    // Most of what is seen around is further away. (False for what is not finite.)
-                    let is_near = |depth_m: &f32| (low_m.z..=high_m.z).contains(depth_m);
-                    let Some(depth_m) = view.image.at([u, v]).filter(is_near) else { continue };
-                    let in_camera_m = lens.ray([u, v]) * depth_m;
-                    let point_m = grasp_from_camera * in_camera_m;
-                    let is_between = (point_m + Vec3::new(0.0, 0.0, half_m.z)).abs().cmple(half_m).all();
-                    let height_m = (view.camera.workspace_from_camera * in_camera_m).z - self.table_z_m;
-                    if is_between && height_m > TABLE_M {
-                        points_m.push(point_m);
-                    }
-                }
+            let box_in_image = Sought {
+                turn: Mat3::from_quat(grasp_from_camera.rotation),
+                from_m: grasp_from_camera.translation,
+                turn_up: Mat3::from_quat(view.camera.workspace_from_camera.rotation),
+                eye_z_m: view.camera.workspace_from_camera.translation.z,
+                depth_m: [low_m.z, high_m.z],
+                half_m,
+                above_m: self.table_z_m + TABLE_M,
+            };
+            for (v, columns) in shadow(&corners_m, &lens, [view.image.width_px, view.image.height_px]) {
+                let row = v * view.image.width_px;
+                let depths_m = &view.image.depth_m[row + columns.start..row + columns.end];
+                box_in_image.add_row(lens.ray([0, v]).y, &rays_x[columns], depths_m, &mut points_m);
             }
         }
         points_m
+    }
+}
+
+/// The rows of an image onto which a box falls, by its corners in the camera's frame, all before it, and of each row
+/// the columns.
+fn shadow(
+    corners_m: &[Vec3],
+    lens: &Intrinsics,
+    [width_px, height_px]: [usize; 2],
+) -> impl Iterator<Item = (usize, Range<usize>)> + use<> {
+    let at_px: Vec<[f32; 2]> = corners_m
+        .iter()
+        .map(|at_m| [at_m.x * lens.fx_px / at_m.z + lens.cx_px, at_m.y * lens.fy_px / at_m.z + lens.cy_px])
+        .collect();
+    let ends = |axis: usize| at_px.iter().fold(NOWHERE, |[low, high], px| [low.min(px[axis]), high.max(px[axis])]);
+    let inside = |px: f32, size_px: usize| px.clamp(0.0, size_px as f32) as usize;
+    let ([left, right], [top, bottom]) = (ends(0), ends(1));
+    let rows = inside(top, height_px)..inside(bottom + 1.0, height_px);
+    let mut spans = vec![NOWHERE; rows.len()];
+    // The outline consists of edges, whose corners differ in one bit.
+    for (from, to) in (0..8).flat_map(|from| [1, 2, 4].map(|bit| (from, from | bit))).filter(|(from, to)| from < to) {
+        let ([from_u, from_v], [to_u, to_v]) = (at_px[from], at_px[to]);
+        let (low_v, high_v, slope) = (from_v.min(to_v), from_v.max(to_v), (to_u - from_u) / (to_v - from_v));
+        for v in inside(low_v - 1.0, height_px).max(rows.start)..inside(high_v + 2.0, height_px).min(rows.end) {
+            // Where it is a pixel above and below the middle of the row, but no further than it goes.
+            let along = |v: f32| from_u + (v.clamp(low_v, high_v) - from_v) * slope;
+            let ends = if low_v < high_v { [-1.0, 1.0].map(|off| along(v as f32 + off)) } else { [from_u, to_u] };
+            let span = &mut spans[v - rows.start];
+            *span = [span[0].min(ends[0].min(ends[1])), span[1].max(ends[0].max(ends[1]))];
+        }
+    }
+    rows.zip(spans).map(move |(v, [low, high])| {
+        let first = inside(low.max(left) - 1.0, width_px);
+        (v, first..inside(high.min(right) + 2.0, width_px).max(first))
+    })
+}
+
+/// The range of nothing.
+const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+
+/// What is looked for in the pixels onto which the box between a hand's fingers falls.
+struct Sought {
+    /// From the camera's frame to the hand's.
+    turn: Mat3,
+    from_m: Vec3,
+    /// To the workspace's, of which the height counts.
+    turn_up: Mat3,
+    eye_z_m: f32,
+    /// The nearest and the farthest depth of the box.
+    depth_m: [f32; 2],
+    /// Half of its sides; in the hand's frame it ends at the tips.
+    half_m: Vec3,
+    /// Lower than this is the table.
+    above_m: f32,
+}
+
+impl Sought {
+    /// Adds the points of a part of a row of the image. Pixels are held against the box eight at a time and without
+    /// branches, which the compiler vectorises: few of them are in it.
+    fn add_row(&self, ray_y: f32, rays_x: &[f32], depths_m: &[f32], points_m: &mut Vec<Vec3>) {
+        let Self { turn, from_m, turn_up, eye_z_m, depth_m: [near_m, far_m], half_m, above_m } = *self;
+        let ray = Vec3::new(0.0, ray_y, 1.0);
+        let (along, rise_x, rise) = (turn * ray, turn_up.x_axis.z, (turn_up * ray).z);
+        let point_m = |ray_x: f32, depth_m: f32| from_m + (turn.x_axis * ray_x + along) * depth_m;
+        let is_sought = |ray_x: f32, depth_m: f32| {
+            let at_m = point_m(ray_x, depth_m);
+            let z_m = eye_z_m + (rise_x * ray_x + rise) * depth_m;
+            // Most of what is seen around is further away. (False for what is not finite.)
+            (depth_m >= near_m)
+                & (depth_m <= far_m)
+                & (at_m.x.abs() <= half_m.x)
+                & (at_m.y.abs() <= half_m.y)
+                & ((at_m.z + half_m.z).abs() <= half_m.z)
+                & (z_m > above_m)
+        };
+        let mut add = |rays_x: &[f32], depths_m: &[f32], sought: &[bool]| {
+            for ((ray_x, depth_m), _) in rays_x.iter().zip(depths_m).zip(sought).filter(|(_, is_sought)| **is_sought) {
+                points_m.push(point_m(*ray_x, *depth_m));
+            }
+        };
+        let ((rays_x, rest_x), (depths_m, rest_m)) = (rays_x.as_chunks::<8>(), depths_m.as_chunks::<8>());
+        let is_any_near =
+            |depths_m: &&[f32; 8]| depths_m.iter().fold(false, |any, m| any | ((*m >= near_m) & (*m <= far_m)));
+        for (rays_x, depths_m) in rays_x.iter().zip(depths_m).filter(|(_, depths_m)| is_any_near(depths_m)) {
+            let mut sought = [false; 8];
+            (0..8).for_each(|lane| sought[lane] = is_sought(rays_x[lane], depths_m[lane]));
+            if sought.contains(&true) {
+                add(rays_x, depths_m, &sought);
+            }
+        }
+        let sought: Vec<bool> = rest_x.iter().zip(rest_m).map(|(ray_x, depth_m)| is_sought(*ray_x, *depth_m)).collect();
+        add(rest_x, rest_m, &sought);
     }
 }
 
@@ -185,10 +279,15 @@ fn room_m(gripper: &Gripper) -> f32 {
 }
 
 /// The lower and the upper end of values, without the noise.
-fn ends(mut along_m: Vec<f32>, least: usize) -> Option<[f32; 2]> {
-    let noise = (NOISE_SHARE * along_m.len() as f32) as usize;
-    let places = [noise, (along_m.len().max(1) - 1) - noise];
-    (along_m.len() >= least).then(|| places.map(|place| *along_m.select_nth_unstable_by(place, f32::total_cmp).1))
+fn ends(along_m: impl Iterator<Item = f32>, least: usize) -> Option<[f32; 2]> {
+    // Integers in the order of the values, among which places are found in half the time. The way back is the same.
+    let in_order = |bits: i32| bits ^ ((bits >> 31) as u32 >> 1) as i32;
+    let mut along: Vec<i32> = along_m.map(|m| in_order(m.to_bits() as i32)).collect();
+    let noise = (NOISE_SHARE * along.len() as f32) as usize;
+    let places = [noise, (along.len().max(1) - 1) - noise];
+    let count = along.len();
+    let value = |place: usize| f32::from_bits(in_order(*along.select_nth_unstable(place).1) as u32);
+    (count >= least).then(|| places.map(value))
 }
 
 impl Between {
@@ -206,7 +305,7 @@ impl Between {
 
 #[cfg(test)]
 mod tests {
-    use schema::{Camera, DepthImage, Intrinsics, Mat3, Quat, pose_from_parts};
+    use schema::{Camera, DepthImage, Quat, pose_from_parts};
 
     use super::*;
     use crate::BuiltIn;
