@@ -135,7 +135,8 @@ impl Observed<'_> {
 fn best(judge: &Judge, seen: ObservedScene<'_>, count: usize, stream: &mut Stream) -> Vec<ScoredGrasp> {
     let mut best: Vec<ScoredGrasp> = Vec::with_capacity(count);
     let all = |hands: &[Grasp]| vec![true; hands.len()];
-    for scored in judge.scored_grasps(seen, ([JUDGED_OF; 2], APART_M), stream, (&[], &all), &|_| None) {
+    let (scored, _) = judge.scored_grasps(seen, ([JUDGED_OF; 2], APART_M), stream, (&[], &all), &|_| None);
+    for scored in scored {
         if best.len() < count && best.iter().all(|better| !better.is_near(&scored, APART_M)) {
             best.push(scored);
         }

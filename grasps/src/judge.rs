@@ -12,6 +12,9 @@ use crate::{AreWanted, CandidateSampler, ObservedScene, Space, kept};
 const TOGETHER: usize = 8;
 /// Hands at which one thread looks quickly together.
 const SCREENED: usize = 32;
+/// One of so many hands that are chosen has its tips further than this from all that were chosen before.
+const APART: usize = 5;
+const SPREAD_M: f32 = 0.03;
 
 /// Where no hand holds with more than this probability, hands are proposed again, so many times as many at the second
 /// and the third time.
@@ -86,11 +89,11 @@ impl Judge {
         Ok(Self { network: JudgeNetwork::new(&checkpoint.vector), crop: Crop::new(gripper, pregrasp_m, grid), sampler })
     }
 
-    /// Proposes hands in a scene, and judges them: `proposals`, or several times as many where few are good. First come
-    /// the best of those whose tips are `apart_m` from each other, then the others, each best first. The best are asked
-    /// about again in each mirror image: a hand and its mirror image end alike, so where the answers differ their mean
-    /// is nearer to the truth. Only hands that are wanted are proposed, and if `about_m` has places only near these.
-    /// `better` moves one of the best hands, if it knows a better place for it.
+    /// Proposes hands in a scene, and judges the likeliest: `asked` of `proposals`, and again where none is good. First
+    /// come the best of those whose tips are `apart_m` from each other, then the others, each best first; beside them
+    /// the number of proposals. The best are asked about again in each mirror image: a hand and its mirror image end
+    /// alike, so where the answers differ their mean is nearer to the truth. Only hands that are wanted are proposed,
+    /// and if `about_m` has places only near these. `better` moves one of the best hands, if it knows a better place.
     #[must_use]
     pub fn scored_grasps(
         &self,
@@ -99,14 +102,15 @@ impl Judge {
         stream: &mut Stream,
         (about_m, are_wanted): (&[Vec3], &AreWanted<'_>),
         better: &(dyn Fn(&Grasp) -> Option<Grasp> + Sync),
-    ) -> Vec<ScoredGrasp> {
+    ) -> (Vec<ScoredGrasp>, usize) {
         let space = Space::new(seen.field, seen.fine, seen.reach_m);
         let scene = (&space.padded, seen.views);
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
-        let mut judged: Vec<ScoredGrasp> = Vec::new();
+        let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), 0);
         let mut wanted = space.near(about_m, ABOUT_M);
         for times in SEARCHES {
             let hands = self.sampler.search(&space, (&wanted, are_wanted), times * proposals, stream);
+            proposed += hands.len();
             let hands = self.likeliest(scene, hands, asked);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
             judged.extend(parts.into_iter().flatten());
@@ -147,10 +151,11 @@ impl Judge {
         }
         let mut all = sorted(best);
         all.extend(rest);
-        all
+        (all, proposed)
     }
 
-    /// Of many hands the `asked` ones that a quick look finds likeliest to hold, in their order.
+    /// Of many hands the `asked` ones that a quick look finds likeliest to hold, in their order: at last some that are
+    /// apart from all others, so that all things are asked about.
     fn likeliest(&self, (grid, views): (&PaddedGrid, usize), hands: Vec<Grasp>, asked: usize) -> Vec<Grasp> {
         let Some(screen) = Screen::built_in().filter(|_| asked < hands.len()) else { return hands };
         let logits = |hands: &[Grasp]| {
@@ -160,9 +165,17 @@ impl Judge {
         let logits = hands.par_chunks(SCREENED).map(logits).collect::<Vec<_>>().concat();
         let mut order: Vec<usize> = (0..hands.len()).collect();
         order.sort_by(|a, b| logits[*b].total_cmp(&logits[*a]));
-        order.truncate(asked);
-        order.sort_unstable();
-        order.into_iter().map(|number| hands[number]).collect()
+        let (mut chosen, mut left) = (order[..asked - asked / APART].to_vec(), order[asked - asked / APART..].to_vec());
+        let tips_m = |number: usize| hands[number].workspace_from_grasp.translation;
+        left.retain(|number| {
+            let is_apart = |other: &usize| (tips_m(*other) - tips_m(*number)).length() > SPREAD_M;
+            let is_chosen = chosen.len() < asked && chosen.iter().all(is_apart);
+            chosen.extend(is_chosen.then_some(*number));
+            !is_chosen
+        });
+        chosen.extend(&left[..asked - chosen.len()]);
+        chosen.sort_unstable();
+        chosen.into_iter().map(|number| hands[number]).collect()
     }
 
     /// What the network says of hands, which are seen mirrored or not.

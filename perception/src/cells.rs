@@ -94,7 +94,7 @@ impl Cells {
         &self.order
     }
 
-    /// The same as [`Self::around`] as runs in [`Self::order`], the middle one first: what lies along z is in one piece.
+    /// The same as [`Self::around`] as runs in [`Self::order`], the middle one first: along z they are in one piece.
     pub(crate) fn runs_around(&self, point_m: Vec3) -> impl Iterator<Item = Range<usize>> + '_ {
         let [i, j, k] = self.cube(point_m);
         let along_z = k.saturating_sub(1)..(k + 2).min(self.counts[2]);

@@ -48,12 +48,12 @@ impl Method for JudgeMethod {
         };
         let about_m = limiter.about_m();
         let centred = |hand: &Grasp| widths.centred(hand);
-        let judged = timed(timings_ms, "judge", || {
+        let (judged, proposed) = timed(timings_ms, "judge", || {
             let JudgeParams { proposals, asked, apart_m, .. } = config.judge;
             let counts = [proposals, asked.unwrap_or(proposals)];
             self.judge.scored_grasps(seen, (counts, apart_m), &mut stream, (&about_m, &are_wanted), &centred)
         });
-        selected(&judged, request)
+        selected(&judged, proposed, request)
     }
 
     fn settle(&self, candidates: &mut Candidates, _: &SegmentedCloud, request: &Request<'_>) {
@@ -63,8 +63,8 @@ impl Method for JudgeMethod {
     }
 }
 
-/// Of judged hands, best first, those that reach ε and are apart from better ones.
-fn selected(hands: &[ScoredGrasp], request: &Request<'_>) -> Candidates {
+/// Of judged hands, best first, and of so many proposed ones, those that reach ε and are apart from better ones.
+fn selected(hands: &[ScoredGrasp], proposed: usize, request: &Request<'_>) -> Candidates {
     let (epsilon, apart_m) = (request.config.detection.quality_min, request.config.judge.apart_m);
     let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&ScoredGrasp>::new(), Vec::new(), 0);
     for judged in hands {
@@ -100,7 +100,8 @@ fn selected(hands: &[ScoredGrasp], request: &Request<'_>) -> Candidates {
         request.none_good_enough(best)
     };
     let stages = vec![
-        Stage::new("proposed", hands.len(), request.none_proposed()),
+        Stage::new("proposed", proposed, request.none_proposed()),
+        Stage::new("judged", hands.len(), request.none_proposed()),
         Stage::new("quality_reached", reached, none_reached),
     ];
     Candidates { grasps, dropped, stages }

@@ -289,9 +289,9 @@ impl DroppedCandidate {
 
 /// The number of candidates left after each stage, in their order. The stages are those of the network's method: of one
 /// that answers for voxels `voxels`, `near_surface`, `width_within_limits`, `quality_reached` and `detections`, of a
-/// judge `proposed` and `quality_reached`; then `found` (closed on something where the settings ask for it, apart from
-/// better ones, unlike hands that failed, within the limits of the request), `collision_free` (all, if collisions were
-/// not checked) and `ranked`.
+/// judge `proposed`, `judged` and `quality_reached`; then `found` (closed on something where the settings ask for it,
+/// apart from better ones, unlike hands that failed, within the limits of the request), `collision_free` (all, if
+/// collisions were not checked) and `ranked`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Funnel(pub Vec<(&'static str, usize)>);
 

@@ -32,6 +32,7 @@ fn demo(planner: &Planner, threads: usize) -> Plan {
 fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_others() {
     let config = config();
     let (epsilon, apart_m, proposals) = (config.detection.quality_min, config.judge.apart_m, config.judge.proposals);
+    let asked = config.judge.asked.unwrap();
     let gripper = config.gripper.clone();
     let planner = judge(config);
     let plan = demo(&planner, 1);
@@ -53,7 +54,9 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
     );
     assert_eq!(plan.funnel.count("voxels"), None, "a judge is not asked about voxels");
     assert!(plan.grasps.iter().all(|ranked| ranked.voxel.is_none()));
-    assert_eq!(plan.grasps.len() + plan.dropped.len(), proposals);
+    assert_eq!((plan.funnel.count("judged"), plan.grasps.len() + plan.dropped.len()), (Some(asked), asked));
+    // About hands all over the scene, not about the likeliest object alone.
+    assert!(plan.objects.len() > 2 && plan.grasps.iter().any(|ranked| ranked.object != plan.grasps[0].object));
     let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Judged { outcome, .. } if outcome != Outcome::Held);
     let failed = plan.dropped.iter().find(failed).unwrap();
     assert!(failed.quality < epsilon && failed.why == "quality", "{failed:?}");
