@@ -16,10 +16,10 @@ const SCREENED: usize = 32;
 const APART: usize = 5;
 const SPREAD_M: f32 = 0.03;
 
-/// Where no hand holds with more than this probability, hands are proposed again, so many times as many at the second
-/// and the third time.
+/// Where no hand holds with more than this probability, hands are proposed again: at the second and the third time so
+/// many times as many, and the judge is asked about so many times as many.
 const SURE: f32 = 0.9;
-const SEARCHES: [usize; 3] = [1, 2, 2];
+const SEARCHES: [[usize; 2]; 3] = [[1, 1], [2, 2], [2, 4]];
 /// A further search is for hands nearer than this to one that holds with more than this probability: most of what is
 /// seen of a bin is wall, which no hand can lift.
 const NEAR_M: f32 = 0.03;
@@ -108,10 +108,10 @@ impl Judge {
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), 0);
         let mut wanted = space.near(about_m, ABOUT_M);
-        for times in SEARCHES {
-            let hands = self.sampler.search(&space, (&wanted, are_wanted), times * proposals, stream);
+        for [more, more_asked] in SEARCHES {
+            let hands = self.sampler.search(&space, (&wanted, are_wanted), more * proposals, stream);
             proposed += hands.len();
-            let hands = self.likeliest(scene, hands, asked);
+            let hands = self.likeliest(scene, hands, more_asked * asked);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
             judged.extend(parts.into_iter().flatten());
             if hands.is_empty() || judged.iter().any(|judged| judged.quality() > SURE) {
