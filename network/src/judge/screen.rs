@@ -1,7 +1,7 @@
 //! A quick look at many hands, so that the judge is asked about the likeliest alone.
 //!
 //! Most hands that are proposed do not hold, and a small network knows that from a few points of what the judge sees:
-//! it takes one part in a hundred of the judge's time. It only chooses; what a plan says of a hand is the judge's answer.
+//! it multiplies a hundredth as often. It only chooses; what a plan says of a hand is the judge's answer.
 
 use std::sync::LazyLock;
 
