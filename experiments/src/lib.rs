@@ -4,7 +4,7 @@
 //! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], dropped or
 //! packed), [`offer`] says what a planner is asked, [`served`] is one behind an address, [`round`] runs one round,
 //! [`run`] runs all of them, [`tables`] writes the rows, [`statistics`] computes the rates, [`report`] and [`page`]
-//! present them, and [`finish`] writes all that. [`bench`] times plans.
+//! present them, and [`finish`] writes all that. [`mod@bench`] times plans.
 
 pub mod bench;
 pub mod config;
