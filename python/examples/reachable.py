@@ -66,7 +66,8 @@ class Arm:
         found, rng = np.full((len(base_from_link), self.model.nq), np.nan), np.random.default_rng(0)
         for attempt in range(starts):
             left = np.flatnonzero(np.isnan(found[:, 0]))
-            joints = rng.uniform(self.low, self.high, (len(left), self.model.nq))
+            # The same start for all, so that what is found for one pose does not depend on the others.
+            joints = np.tile(rng.uniform(self.low, self.high), (len(left), 1))
             if start is not None and not attempt:
                 joints[:] = start
             for _ in range(steps):

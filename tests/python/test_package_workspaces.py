@@ -66,7 +66,7 @@ def test_a_judge_grasps_nothing_beyond_a_workspace_that_is_asked_for():
     depths, cameras = seen(scene, 0.225)
     plan = graspmill.Planner().plan(depths, cameras, workspace_size_m=0.3)
     near, share = held_near(scene, plan)
-    assert near[0] > 10 and near[1:] == [0] * 4 and share > 0.8, (near, share)
+    assert near[0] > 5 and near[1:] == [0] * 4 and share > 0.8, (near, share)
     assert plan.workspace_from_grasp[:, :2, 3].max() < 0.3 + 0.001
     # What stands there is seen all the same, because a hand may touch it.
     assert min(plan.answer["region"]["high_m"][:2]) > 0.36
