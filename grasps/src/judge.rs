@@ -13,7 +13,7 @@ const TOGETHER: usize = 8;
 /// Hands at which one thread looks quickly together.
 const SCREENED: usize = 32;
 /// One of so many hands that are chosen has its tips further than this from all that were chosen before.
-const APART: usize = 5;
+const APART: usize = 8;
 const SPREAD_M: f32 = 0.03;
 
 /// Where no hand holds with more than this probability, hands are proposed again: at the second and the third time so
