@@ -14,6 +14,7 @@ import time
 import numpy as np
 import torch
 import torch.nn.functional as F
+from graspmill import OUTCOMES
 from graspmill.torch import GraspCropStream
 from safetensors.torch import save_file
 from torch import nn
@@ -21,7 +22,7 @@ from torch import nn
 #: Places of the points along x, y and z of the crop, and of its context.
 POINTS = [0, 2, 5, 7], [1, 5, 9, 10, 14, 18], [3, 7, 11, 15, 17, 19, 21, 23, 25, 27]
 CONTEXT_POINTS = [1, 4, 7, 10], [1, 3, 4, 6], [1, 3, 4, 6]
-HELD = 5
+HELD = OUTCOMES.index("held")
 BATCH, LEARNING_RATE = 1024, 2e-3
 
 

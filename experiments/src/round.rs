@@ -181,7 +181,7 @@ fn execute(
     (target, (execution, poses))
 }
 
-fn milliseconds(since: Instant) -> f32 {
+pub(crate) fn milliseconds(since: Instant) -> f32 {
     (since.elapsed().as_secs_f64() * 1e3) as f32
 }
 

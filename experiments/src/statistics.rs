@@ -250,7 +250,7 @@ impl Interval {
 
 impl Percentiles {
     /// Quantiles of times in any order; `None` if there are none. NaN means not measured.
-    fn of(mut times: Vec<f32>) -> Option<Self> {
+    pub(crate) fn of(mut times: Vec<f32>) -> Option<Self> {
         times.retain(|time| time.is_finite());
         times.sort_by(f32::total_cmp);
         let at = |percent: usize| {

@@ -58,37 +58,22 @@ pub(crate) fn looks_of(b: &HandBox) -> Vec<Looks> {
 }
 
 /// Of each voxel, whether what a hand may touch lies in a voxel so near that points about the same middle may be in it.
-struct Around {
-    sides: Vec3,
-    counts: [usize; 3],
-    is_around: Vec<bool>,
-}
-
-impl Around {
-    fn new(field: &VoxelGrid) -> Self {
-        let counts = field.lattice.counts;
-        let mut is_around: Vec<bool> = field.values.iter().map(|value| is_near(*value)).collect();
-        // From the middle of a cube to its corner, and as a point lies anywhere in its voxel.
-        let radius_m = 0.5 * (TOGETHER - 1) as f32 * LOOK_M * 3.0_f32.sqrt();
-        let most = (radius_m / field.lattice.voxel_size_m) as usize + 1;
-        for stride in [counts[1] * counts[2], counts[2], 1] {
-            let mut done = 0;
-            while done < most {
-                // What is set is `2 · done + 1` wide.
-                let step = (most - done).min(2 * done + 1);
-                spread(&mut is_around, step * stride);
-                done += step;
-            }
+fn around(field: &VoxelGrid) -> Vec<bool> {
+    let [_, width, height] = field.lattice.counts;
+    let mut is_around: Vec<bool> = field.values.iter().map(|value| is_near(*value)).collect();
+    // From the middle of a cube to its corner, and as a point lies anywhere in its voxel.
+    let radius_m = 0.5 * (TOGETHER - 1) as f32 * LOOK_M * 3.0_f32.sqrt();
+    let most = (radius_m / field.lattice.voxel_size_m) as usize + 1;
+    for stride in [width * height, height, 1] {
+        let mut done = 0;
+        while done < most {
+            // What is set is `2 · done + 1` wide.
+            let step = (most - done).min(2 * done + 1);
+            spread(&mut is_around, step * stride);
+            done += step;
         }
-        Self { sides: Vec3::from_array(counts.map(|count| count as f32)), counts, is_around }
     }
-
-    /// Whether this is so of a point, which is given in voxels; of one outside as of the nearest inside.
-    #[inline]
-    fn has(&self, at: Vec3) -> bool {
-        let [x, y, z] = at.clamp(Vec3::ZERO, self.sides - 0.5).to_array().map(|along| along as u32 as usize);
-        self.is_around[(x * self.counts[1] + y) * self.counts[2] + z]
-    }
+    is_around
 }
 
 /// Sets what is `reach` places before or after what is set. (Over the ends of lines, too: then a hand is looked at more
@@ -118,8 +103,8 @@ pub(crate) struct Space<'a> {
     pub(crate) surfaces: [Vec<(Vec3, Vec3)>; 2],
     /// Of each of the latter how far a hand's search found the thing to reach behind it.
     pub(crate) behind_m: Vec<OnceLock<Option<f32>>>,
-    /// The voxels from which something may be in the way of a group of looks.
-    around: Around,
+    /// Of each voxel, whether something may be in the way of a group of looks about it.
+    is_around: Vec<bool>,
     /// Voxels in a metre, and along x, y and z.
     per_m: f32,
     sides: Vec3,
@@ -141,7 +126,7 @@ impl<'a> Space<'a> {
             fine,
             behind_m: vec![OnceLock::new(); sides.len()],
             surfaces: [all, sides],
-            around: Around::new(field),
+            is_around: around(field),
             per_m: 1.0 / field.lattice.voxel_size_m,
             sides: Vec3::from_array(field.lattice.counts.map(|count| count as f32)),
         }
@@ -161,10 +146,18 @@ impl<'a> Space<'a> {
         (at.cmpge(Vec3::ZERO).all() && at.cmplt(self.sides).all()).then(|| at.to_array().map(|at| at as u32 as usize))
     }
 
+    /// Whether something may be in the way about a point, which is given in voxels; of one outside as of the nearest
+    /// inside.
+    #[inline]
+    fn is_around(&self, at: Vec3) -> bool {
+        let index = at.clamp(Vec3::ZERO, self.sides - 0.5).to_array().map(|along| along as u32 as usize);
+        self.is_around[self.field.lattice.flat(index)]
+    }
+
     /// Whether points of a hand at a pose are in the way of something.
     pub(crate) fn is_in_the_way(&self, rotation: Quat, tips_m: Vec3, looks: &[Looks]) -> bool {
         let (tips, turn) = ((tips_m - self.field.lattice.low_m) * self.per_m, Mat3::from_quat(rotation) * self.per_m);
-        looks.iter().filter(|looks| self.around.has(tips + turn * looks.middle_m)).any(|looks| {
+        looks.iter().filter(|looks| self.is_around(tips + turn * looks.middle_m)).any(|looks| {
             looks.points_m.iter().any(|point_m| {
                 let voxel = self.voxel(tips + turn * *point_m);
                 let value = voxel.map_or(0.0, |voxel| self.field.values[self.field.lattice.flat(voxel)]);

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use experiments::bench::time_plans;
 use experiments::config::Config;
+use experiments::statistics::Percentiles;
 use program::text::key_and_value;
 use program::{ExitCode, Failure, print, thread_pool};
 use settings::Document;
 
-use super::run::{config, cores};
+use super::run::{config, cores, overrides};
 
 /// The experiments of a bench without a file.
 const ROWS: [(&str, &str); 4] = [
@@ -50,14 +51,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     for config in &configs {
         let planner = config.planner()?;
         let times = pool.install(|| time_plans(config, &planner, arguments.plans as usize))?;
-        let [median_ms, most_ms] = [0.5, 0.9].map(|share| times.quantile_ms(share));
-        let stages: Vec<String> =
-            times.stages_ms.iter().map(|(stage, median_ms)| format!("{stage} {median_ms:.1}")).collect();
+        let Some(Percentiles { p50, p90, .. }) = times.plan_ms else { continue };
+        let stages = times.stages_ms.iter().filter_map(|(stage, ms)| Some(format!("{stage} {:.1}", ms.as_ref()?.p50)));
         print(format_args!(
-            "{}: {} plans on {threads} threads: median {median_ms:.1} ms, nine of ten {most_ms:.1} ms ({})\n",
+            "{}: {} plans on {threads} threads: median {p50:.1} ms, nine of ten {p90:.1} ms ({})\n",
             config.keys.protocol,
-            times.plans_ms.len(),
-            stages.join(", "),
+            arguments.plans,
+            stages.collect::<Vec<_>>().join(", "),
         ))?;
     }
     Ok(ExitCode::Ok)
@@ -68,8 +68,7 @@ fn configs(arguments: &Arguments) -> Result<Vec<Config>, Failure> {
     if !configs.is_empty() {
         return configs.iter().map(|file| config(file, set, None, *seed)).collect();
     }
-    let mut set = set.clone();
-    set.extend(seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
+    let set = overrides(set, None, *seed);
     let built_in = |(name, text): (&str, &str)| Ok(Config::resolve(Document::parse(text, Path::new(name))?, &set)?);
     ROWS.into_iter().map(built_in).collect()
 }

@@ -87,10 +87,15 @@ pub(crate) fn config(
     rounds: Option<u64>,
     seed: Option<u64>,
 ) -> Result<Config, Failure> {
+    Ok(Config::read(Some(file), &overrides(set, rounds, seed))?)
+}
+
+/// Keys and values in place of an experiment's own.
+pub(crate) fn overrides(set: &[(String, String)], rounds: Option<u64>, seed: Option<u64>) -> Vec<(String, String)> {
     let mut set = set.to_vec();
     set.extend(rounds.map(|rounds| ("rounds".to_owned(), rounds.to_string())));
     set.extend(seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
-    Ok(Config::read(Some(file), &set)?)
+    set
 }
 
 /// Cores of this machine.
