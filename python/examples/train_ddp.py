@@ -13,7 +13,7 @@ import argparse
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import graspmill
 import torch
@@ -151,11 +151,17 @@ def main() -> int:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code
     finally:
-        # Before the interpreter ends, because threads of the group would abort the process then.
         if dist.is_initialized():
             dist.destroy_process_group()
     return 0
 
 
+def leave(code: int) -> NoReturn:
+    """Ends the process without the interpreter's own end, in which threads of gloo, which the group leaves, may abort it."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())
