@@ -31,6 +31,9 @@ const ABOUT_M: f32 = 0.01;
 const LEADERS: usize = 16;
 const AS_SURE: f32 = 0.01;
 
+/// Where hands are known from an earlier look, so many times fewer are proposed, asked about, and looked at closely.
+const KNOWN_LESS: [usize; 3] = [4, 2, 3];
+
 /// A judge, prepared for a hand on a grid.
 #[derive(Debug, Clone)]
 pub struct Judge {
@@ -93,7 +96,7 @@ impl Judge {
     /// come the best of those whose tips are `apart_m` from each other, then the others, each best first; beside them
     /// the number of proposals. The best are asked about again in each mirror image: a hand and its mirror image end
     /// alike, so where the answers differ their mean is nearer to the truth. Only hands that are wanted are proposed,
-    /// and if `about_m` has places only near these. `better` moves one of the best hands, if it knows a better place.
+    /// and if `about_m` has places only near these. Hands that are known from an earlier look are asked about first. `better` moves one of the best hands, if it knows a better place.
     #[must_use]
     pub fn scored_grasps(
         &self,
@@ -108,10 +111,14 @@ impl Judge {
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), 0);
         let mut wanted = space.near(about_m, ABOUT_M);
+        let mut known = self.still_good(&space, seen.known, are_wanted);
+        let [proposals_less, asked_less, leaders_less] = if known.is_empty() { [1; 3] } else { KNOWN_LESS };
+        let (proposals, asked) = (proposals / proposals_less, asked / asked_less);
         for [more, more_asked] in SEARCHES {
             let hands = self.sampler.search(&space, (&wanted, are_wanted), more * proposals, stream);
-            proposed += hands.len();
-            let hands = self.likeliest(scene, hands, more_asked * asked);
+            proposed += hands.len() + known.len();
+            let mut hands = self.likeliest(scene, hands, (more_asked * asked).saturating_sub(known.len()));
+            hands.append(&mut known);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
             judged.extend(parts.into_iter().flatten());
             if hands.is_empty() || judged.iter().any(|judged| judged.quality() > SURE) {
@@ -119,7 +126,7 @@ impl Judge {
             }
             wanted = space.near(&hopeful_m(&judged), NEAR_M);
         }
-        let (mut best, rest) = leaders(sorted(judged), apart_m);
+        let (mut best, rest) = leaders(sorted(judged), (LEADERS / leaders_less, apart_m));
         let moved: Vec<Option<Grasp>> = best.par_iter().map(|judged| better(&judged.grasp)).collect();
         let moved = moved.into_iter().enumerate().filter_map(|(place, hand)| Some((place, hand?)));
         let moved: Vec<(usize, Grasp)> =
@@ -152,6 +159,13 @@ impl Judge {
         let mut all = sorted(best);
         all.extend(rest);
         (all, proposed)
+    }
+
+    /// Those of earlier hands that are free and wanted in what is seen now.
+    fn still_good(&self, space: &Space<'_>, known: &[Grasp], are_wanted: &AreWanted<'_>) -> Vec<Grasp> {
+        let is_free = |hand: &Grasp| self.sampler.is_free(space, &hand.workspace_from_grasp);
+        let free: Vec<Grasp> = known.par_iter().filter(|hand| is_free(hand)).copied().collect();
+        if free.is_empty() { free } else { kept(&free, &are_wanted(&free)) }
     }
 
     /// Of many hands the `asked` ones that a quick look finds likeliest to hold, in their order: at last some that are
@@ -200,10 +214,10 @@ fn hopeful_m(judged: &[ScoredGrasp]) -> Vec<Vec3> {
 }
 
 /// The best hands that are this far apart, of hands in order, and the others.
-fn leaders(judged: Vec<ScoredGrasp>, apart_m: f32) -> (Vec<ScoredGrasp>, Vec<ScoredGrasp>) {
+fn leaders(judged: Vec<ScoredGrasp>, (count, apart_m): (usize, f32)) -> (Vec<ScoredGrasp>, Vec<ScoredGrasp>) {
     let (mut best, mut rest) = (Vec::<ScoredGrasp>::new(), Vec::new());
     for judged in judged {
-        let leads = best.len() < LEADERS && !best.iter().any(|better| better.is_near(&judged, apart_m));
+        let leads = best.len() < count && !best.iter().any(|better| better.is_near(&judged, apart_m));
         if leads { &mut best } else { &mut rest }.push(judged);
     }
     (best, rest)

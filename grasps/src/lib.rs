@@ -47,6 +47,8 @@ pub struct ObservedScene<'a> {
     pub views: usize,
     /// The lower and the upper corner of the box in which hands touch something, in metres.
     pub reach_m: [Vec3; 2],
+    /// Hands that were good in an earlier look: they are asked about again, and fewer others are.
+    pub known: &'a [Grasp],
 }
 
 /// A hand, prepared for the search.

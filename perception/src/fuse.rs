@@ -4,6 +4,7 @@
 //! past all of them. Which of both holds is told by the least and the largest depth in squares of pixels.
 
 use core::ops::Range;
+use std::borrow::Cow;
 
 use rayon::prelude::*;
 use schema::{Camera, DepthImage, Intrinsics, Lattice, Mat3, Pose, Vec3, VoxelGrid};
@@ -56,6 +57,7 @@ fn unscaled<'a>(views: &[(Camera, &'a DepthImage)]) -> Vec<ScaledView<'a>> {
 }
 
 /// Views, ready to be fused.
+#[derive(Debug, Clone, Default)]
 pub struct Sights<'a>(Vec<Sight<'a>>);
 
 impl<'a> Sights<'a> {
@@ -65,35 +67,61 @@ impl<'a> Sights<'a> {
         Self(views.par_iter().map(Sight::new).collect())
     }
 
+    /// The same with images of their own.
+    #[must_use]
+    pub fn into_owned(self) -> Sights<'static> {
+        Sights(self.0.into_iter().map(Sight::into_owned).collect())
+    }
+
+    /// Adds the views of `more`, and forgets the oldest ones beyond the last `count`.
+    pub fn extend(&mut self, more: Self, count: usize) {
+        self.0.extend(more.0);
+        self.0.drain(..self.0.len().saturating_sub(count));
+    }
+
     /// As [`fuse_images`].
     ///
     /// # Panics
     /// If the truncation is not above 0.
     #[must_use]
     pub fn fuse(&self, lattice: Lattice, truncation_voxels: f32) -> VoxelGrid {
+        let mut field = VoxelGrid { lattice, values: vec![0.0; lattice.len()] };
+        let mut bricks = vec![Brick::default(); brick_counts(&lattice).iter().product()];
+        self.fuse_into(&mut field, &mut bricks, truncation_voxels, Keeping::Nothing);
+        field
+    }
+
+    /// Adds the views to a field of which `bricks` has what was fused before; elsewhere its values stay.
+    pub(crate) fn fuse_into(
+        &self,
+        field: &mut VoxelGrid,
+        bricks: &mut [Brick],
+        truncation_voxels: f32,
+        keeping: Keeping,
+    ) {
+        let lattice = field.lattice;
         let truncation_m = truncation_m(&lattice, truncation_voxels);
         let [_, width, height] = lattice.counts;
-        let mut values = vec![0.0; lattice.len()];
-        let slabs = values.par_chunks_mut((BRICK[0] * width * height).max(1)).enumerate();
-        slabs.for_each_init(Scratch::default, |scratch, (slab, values)| {
+        let [_, bricks_y, bricks_z] = brick_counts(&lattice);
+        let slabs = field.values.par_chunks_mut((BRICK[0] * width * height).max(1));
+        let slabs = slabs.zip(bricks.par_chunks_mut((bricks_y * bricks_z).max(1))).enumerate();
+        slabs.for_each_init(Scratch::default, |scratch, (slab, (values, bricks))| {
             let first = slab * BRICK[0];
             let along_x = first..(first + BRICK[0]).min(lattice.counts[0]);
-            for j in (0..width).step_by(BRICK[1]) {
-                for k in (0..height).step_by(BRICK[2]) {
-                    let (along_y, along_z) = (j..(j + BRICK[1]).min(width), k..(k + BRICK[2]).min(height));
-                    let brick = [along_x.clone(), along_y.clone(), along_z.clone()];
-                    if !scratch.fuse(&self.0, &lattice, &brick, truncation_m) {
-                        continue;
-                    }
-                    let lines = along_x.clone().flat_map(|i| along_y.clone().map(move |j| [i - first, j]));
-                    for ([i, j], line) in lines.zip(0..) {
-                        let start = (i * width + j) * height;
-                        scratch.store(line, &mut values[start + along_z.start..start + along_z.end]);
-                    }
+            let starts = (0..width).step_by(BRICK[1]).flat_map(|j| (0..height).step_by(BRICK[2]).map(move |k| [j, k]));
+            for ([j, k], kept) in starts.zip(bricks) {
+                let (along_y, along_z) = (j..(j + BRICK[1]).min(width), k..(k + BRICK[2]).min(height));
+                let brick = [along_x.clone(), along_y.clone(), along_z.clone()];
+                if !scratch.fuse(&self.0, (&lattice, &brick, truncation_m), kept, keeping) {
+                    continue;
+                }
+                let lines = along_x.clone().flat_map(|i| along_y.clone().map(move |j| [i - first, j]));
+                for ([i, j], line) in lines.zip(0..) {
+                    let start = (i * width + j) * height;
+                    scratch.store(line, &mut values[start + along_z.start..start + along_z.end]);
                 }
             }
         });
-        VoxelGrid { lattice, values }
     }
 
     /// The same only in blocks near what was seen, elsewhere all voxels are stored as 0; `seen` has each view's points,
@@ -105,21 +133,33 @@ impl<'a> Sights<'a> {
     pub fn fuse_near(&self, lattice: &Lattice, truncation_voxels: f32, seen: &[Vec<SeenPoint>]) -> SurfaceBlocks {
         let truncation_m = truncation_m(lattice, truncation_voxels);
         let mut blocks = SurfaceBlocks::new(*lattice, &self.near_surfaces(lattice, truncation_m, seen));
-        let (lattices, values) = blocks.parts_mut();
-        let all = [0..VOXELS, 0..VOXELS, 0..VOXELS];
-        values.par_chunks_mut(VALUES).zip(lattices).with_min_len(8).for_each_init(
-            Scratch::default,
-            |scratch, (values, lattice)| {
-                if scratch.fuse(&self.0, &lattice, &all, truncation_m) {
-                    values.chunks_mut(VOXELS).enumerate().for_each(|(line, values)| scratch.store(line, values));
-                }
-            },
-        );
+        let mut bricks = vec![Brick::default(); blocks.len()];
+        self.fuse_blocks_into(&mut blocks, &mut bricks, truncation_voxels, (&Self::default(), Keeping::Nothing));
         blocks
     }
 
+    /// As [`Self::fuse_into`], for blocks. New ones are first given what `older` views see.
+    pub(crate) fn fuse_blocks_into(
+        &self,
+        blocks: &mut SurfaceBlocks,
+        bricks: &mut [Brick],
+        truncation_voxels: f32,
+        (older, keeping): (&Self, Keeping),
+    ) {
+        let (lattices, values) = blocks.parts_mut();
+        let all = [0..VOXELS, 0..VOXELS, 0..VOXELS];
+        let blocks = values.par_chunks_mut(VALUES).zip(lattices).zip(bricks).with_min_len(8);
+        blocks.for_each_init(Scratch::default, |scratch, ((values, lattice), kept)| {
+            let place = (&lattice, &all, truncation_m(&lattice, truncation_voxels));
+            let has_older = kept.is_new() && scratch.fuse(&older.0, place, kept, keeping);
+            if scratch.fuse(&self.0, place, kept, keeping) || has_older {
+                values.chunks_mut(VOXELS).enumerate().for_each(|(line, values)| scratch.store(line, values));
+            }
+        });
+    }
+
     /// Of each block of a lattice, whether something was seen within the truncation of it.
-    fn near_surfaces(&self, lattice: &Lattice, truncation_m: f32, seen: &[Vec<SeenPoint>]) -> Vec<bool> {
+    pub(crate) fn near_surfaces(&self, lattice: &Lattice, truncation_m: f32, seen: &[Vec<SeenPoint>]) -> Vec<bool> {
         let counts = block_counts(lattice);
         let block_m = CELLS as f32 * lattice.voxel_size_m;
         let last = Vec3::from_array(counts.map(|count| count as f32));
@@ -158,7 +198,36 @@ impl<'a> Sights<'a> {
     }
 }
 
+/// Whether bricks remember what was fused into them, for more views.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Keeping {
+    Nothing,
+    Voxels,
+}
+
+/// What was fused into a brick.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Brick {
+    /// Views that saw nothing of it, and views that were all before what they saw, while these were the only ones.
+    nothing: u32,
+    before: u32,
+    /// Its voxels, if other views saw it.
+    voxels: Vec<Voxels>,
+}
+
+impl Brick {
+    fn is_new(&self) -> bool {
+        self.nothing + self.before == 0 && self.voxels.is_empty()
+    }
+}
+
+/// Bricks along x, y and z of a lattice.
+pub(crate) fn brick_counts(lattice: &Lattice) -> [usize; 3] {
+    [0, 1, 2].map(|axis| lattice.counts[axis].div_ceil(BRICK[axis]))
+}
+
 /// The least and the largest depth in squares of an image's pixels.
+#[derive(Debug, Clone)]
 struct Tiles {
     columns: usize,
     /// Minus infinity where a pixel of the square saw nothing.
@@ -216,9 +285,10 @@ enum Sighting {
 }
 
 /// A view, ready to be fused.
+#[derive(Debug, Clone)]
 struct Sight<'a> {
     lens: Intrinsics,
-    image: &'a DepthImage,
+    image: Cow<'a, DepthImage>,
     /// Depths are divided by this.
     factor: f32,
     camera_from_workspace: Pose,
@@ -236,7 +306,7 @@ impl<'a> Sight<'a> {
         let camera_from_workspace = camera.workspace_from_camera.inverse();
         Self {
             lens,
-            image,
+            image: Cow::Borrowed(*image),
             factor: *factor,
             camera_from_workspace,
             turn: Mat3::from_quat(camera_from_workspace.rotation),
@@ -244,6 +314,10 @@ impl<'a> Sight<'a> {
             ray_y2: (0..lens.height_px).map(|v| square(lens.ray([0, v]).y)).collect(),
             tiles: Tiles::new(image, *factor),
         }
+    }
+
+    fn into_owned(self) -> Sight<'static> {
+        Sight { image: Cow::Owned(self.image.into_owned()), ..self }
     }
 
     fn sighting(&self, lattice: &Lattice, brick: &[Range<usize>; 3], truncation_m: f32) -> Sighting {
@@ -314,31 +388,50 @@ struct Scratch {
 }
 
 /// A group's voxels of one layer.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct Voxels {
     mean: f32x4,
     weight: f32x4,
 }
 
 impl Scratch {
-    /// Fuses a brick; false if all of its voxels are stored as 0.
-    fn fuse(&mut self, sights: &[Sight], lattice: &Lattice, brick: &[Range<usize>; 3], truncation_m: f32) -> bool {
+    /// Adds views to what was fused into a brick; false if the stored values of its voxels stay: 0 before the first.
+    fn fuse(
+        &mut self,
+        sights: &[Sight],
+        (lattice, brick, truncation_m): (&Lattice, &[Range<usize>; 3], f32),
+        kept: &mut Brick,
+        keeping: Keeping,
+    ) -> bool {
         self.sightings.clear();
         self.sightings.extend(sights.iter().map(|sight| sight.sighting(lattice, brick, truncation_m)));
         // What is before everything seen, or behind it, is stored as 0.
-        if !self.sightings.contains(&Sighting::Mixed) {
+        if kept.voxels.is_empty() && !self.sightings.contains(&Sighting::Mixed) {
+            let before = self.sightings.iter().filter(|sighting| **sighting == Sighting::Before).count();
+            kept.before += before as u32;
+            kept.nothing += (sights.len() - before) as u32;
+            return false;
+        }
+        if self.sightings.iter().all(|sighting| *sighting == Sighting::Nothing) {
             return false;
         }
         self.set_lines(lattice, brick);
         self.voxels.clear();
-        let nothing = Voxels { mean: f32x4::ZERO, weight: f32x4::ZERO };
-        self.voxels.resize(self.lines_m.len() * brick[2].len(), nothing);
+        self.voxels.extend_from_slice(&kept.voxels);
+        if kept.voxels.is_empty() {
+            let nothing = Voxels { mean: f32x4::ZERO, weight: f32x4::ZERO };
+            self.voxels.resize(self.lines_m.len() * brick[2].len(), nothing);
+            (0..kept.before).for_each(|_| self.voxels.iter_mut().for_each(Voxels::add_before));
+        }
         for (place, sight) in sights.iter().enumerate() {
             match self.sightings[place] {
                 Sighting::Nothing => {}
                 Sighting::Before => self.voxels.iter_mut().for_each(Voxels::add_before),
                 Sighting::Mixed => self.add(sight, lattice, brick, truncation_m),
             }
+        }
+        if keeping == Keeping::Voxels {
+            kept.voxels.clone_from(&self.voxels);
         }
         true
     }

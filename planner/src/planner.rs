@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use grasps::{Judge, ObservedScene};
 use network::{Architecture, checkpoint};
 use program::Failure;
-use schema::{Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
+use schema::{Grasp, Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
 
 use crate::config::{BuiltIn, Config, Policy, WithoutObject};
 use crate::frame::{self, FoundTable};
@@ -21,9 +21,12 @@ use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, Segmente
 use crate::rank;
 use crate::segment::{Segments, segment};
 use crate::timing::{Timings, timed};
-use crate::volume::fuse;
+use crate::volume::{Volume, Workspace, fuse};
 use crate::voxel::VoxelMethod;
 use crate::width::Widths;
+
+/// Makes the fields of an observation.
+type Fused<'a> = dyn FnMut(&Workspace) -> Result<Volume, InputError> + 'a;
 
 /// A network's file, and its path in the source tree.
 type Weights = (&'static [u8], &'static str);
@@ -172,25 +175,39 @@ impl Planner {
                 }
                 Observation::Tsdf(_) => {}
             }
-            return self.plan_in_workspace(observation, options, (will_do, None), (timings_ms, warnings));
+            return self.plan_at_once(observation, options, (will_do, None), (timings_ms, warnings));
         };
         let found = timed(&mut timings_ms, "table", || frame::find(observation, wanted, &self.grid, seed))?;
         warnings.extend(found.warning());
         let moved = frame::moved(observation, &found.workspace_from_first);
         let options = options.seen_from(found.workspace_from_first);
-        self.plan_in_workspace(&moved, &options, (will_do, Some(found)), (timings_ms, warnings))
+        self.plan_at_once(&moved, &options, (will_do, Some(found)), (timings_ms, warnings))
     }
 
     /// The same where the workspace is known.
-    fn plan_in_workspace(
+    fn plan_at_once(
+        &self,
+        observation: &Observation,
+        options: &PlanOptions,
+        limits: (&WillDo<'_>, Option<FoundTable>),
+        said: (Timings, Vec<String>),
+    ) -> Result<Plan, InputError> {
+        let mut fused = |workspace: &Workspace| fuse(observation, workspace, self.config.cloud);
+        self.plan_in_workspace(observation, options, limits, said, (&mut fused, &[])).map(|(plan, _)| plan)
+    }
+
+    /// The same with the fields of the observation, as `fused` makes them, and hands that were good in an earlier look;
+    /// beside the plan those that may be good in the next one.
+    pub(crate) fn plan_in_workspace(
         &self,
         observation: &Observation,
         options: &PlanOptions,
         (will_do, found): (&WillDo<'_>, Option<FoundTable>),
         (mut timings_ms, mut warnings): (Timings, Vec<String>),
-    ) -> Result<Plan, InputError> {
+        (fused, known): (&mut Fused<'_>, &[Grasp]),
+    ) -> Result<(Plan, Vec<Grasp>), InputError> {
         let workspace = self.method.workspace(&self.config, options);
-        let mut volume = timed(&mut timings_ms, "fuse", || fuse(observation, &workspace, self.config.cloud))?;
+        let mut volume = timed(&mut timings_ms, "fuse", || fused(&workspace))?;
         let views = match observation {
             Observation::Views(views) => views,
             _ => &volume.rendered,
@@ -225,13 +242,14 @@ impl Planner {
         let limiter = Limiter::new(&options.limits, gripper, pregrasp_m, (target_points, walls), &in_sight, will_do);
         let observed = ObservedScene {
             field: &volume.grid,
-            fine: volume.fine.as_ref(),
+            fine: volume.fine.as_deref(),
             views: observation.views(),
             reach_m: volume.reach_m,
+            known,
         };
         let request = Request { config: &self.config, options, limiter: &limiter, widths: &widths };
         let (scene, mut segment_ms) = (scene_number(&volume.grid), Vec::new());
-        let (candidates, segments) = rayon::join(
+        let (mut candidates, segments) = rayon::join(
             || self.method.candidates(observed, scene, &request, &mut timings_ms),
             || {
                 let segmented = || segments.unwrap_or_else(|| segment(volume.points_m, &self.config));
@@ -244,6 +262,7 @@ impl Planner {
             _ => found.as_ref().map(|found| found.workspace_from_first),
         };
         let seen = Seen { region: volume.grid.lattice, scene, workspace_from_first, table: found };
+        let known = take(&mut candidates.known);
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(candidates, segments, seen, &request));
         if let Observation::Views(views) = observation {
             warnings.extend(frame::cut(views, volume.reach_m, volume.grid.lattice.table_z_m));
@@ -251,7 +270,7 @@ impl Planner {
         warnings.extend(volume.warnings);
         plan.warnings.splice(0..0, warnings);
         plan.timings_ms = timings_ms;
-        Ok(plan)
+        Ok((plan, known))
     }
 
     fn rank(&self, mut candidates: Candidates, (cloud, objects): Segments, seen: Seen, request: &Request<'_>) -> Plan {
@@ -271,7 +290,7 @@ impl Planner {
         candidates.drop_where(|ranked| {
             rank::is_left_out(ranked, policy, &self.config.ranking).then_some(RejectReason::NoObject)
         });
-        let Candidates { mut grasps, mut dropped, mut stages } = candidates;
+        let Candidates { mut grasps, mut dropped, mut stages, .. } = candidates;
         request.widths.measure(&mut grasps);
         rank::order(&mut grasps, policy, Stream::new(self.config.seed, seen.scene, Purpose::Ranking, 0));
         let beyond = grasps.split_off(grasps.len().min(options.grasps_max.unwrap_or(usize::MAX)));

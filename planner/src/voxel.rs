@@ -65,6 +65,7 @@ impl Method for VoxelMethod {
             grasps: detected.found.iter().map(grasp_at).collect(),
             dropped: misses.into_iter().map(missed).collect(),
             stages,
+            known: Vec::new(),
         }
     }
 

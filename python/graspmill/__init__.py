@@ -26,7 +26,7 @@ from .experiments import ExperimentResults, Look, experiment
 from .grippers import Gripper
 from .object_grasps import ObjectGrasps, read_grasps
 from .pages import Page
-from .planner import Planner, PlanOptions
+from .planner import KeptScene, Planner, PlanOptions
 from .plans import Grasp, Plan
 from .scene import HITS, OUTCOMES, Container, Object, Outcomes, Scene, execute, tsdf
 
@@ -54,6 +54,7 @@ __all__ = [
     "IncompleteError",
     "InputError",
     "InternalError",
+    "KeptScene",
     "Look",
     "Object",
     "ObjectGrasps",

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 use std::sync::mpsc::{Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use planner::input::{ColorImage, check_image};
-use planner::{Ball, Cone, Config, FindTable, Limits, Observation, PlanOptions, Policy, Target, View, plane};
+use planner::{Ball, Cone, Config, FindTable, Limits, Observation, PlanOptions, Policy, Target, View, WillDo, plane};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -207,30 +207,84 @@ impl Planner {
             Observation::Views(views) => views.first().cloned(),
             _ => None,
         };
-        let gripper = self.planner.config.gripper.clone();
-        let made = move |mut plan: planner::plan::Plan| {
-            plan.warnings.extend(warnings);
-            Plan { plan, gripper, first }
-        };
         let planner = Arc::clone(&self.planner);
-        if !is_asked {
-            let plan = || planner.plan(&observation, &options).map_err(Failure::from);
-            let plan = free(py, || on_threads(self.threads, plan)?)?;
-            return Ok(Planned::Plan(made(plan)));
-        }
-        let (answer, answers) = channel();
-        let answers = Mutex::new(answers);
-        let work = move |tell: &Sender<Result<Step, Failure>>| {
-            let will_do = |poses: &[Pose]| {
-                let answers = answers.lock().unwrap_or_else(PoisonError::into_inner);
-                // Nobody answers after an exception.
-                _ = tell.send(Ok(Step::Asked(poses.iter().map(seven).collect())));
-                answers.recv().unwrap_or_else(|_| vec![false; poses.len()])
-            };
-            let plan = planner.plan_with(&observation, &options, &will_do)?;
-            Ok(Step::Planned(made(plan)))
+        planned(py, (self.threads, is_asked), move |will_do| {
+            let mut plan = planner.plan_with(&observation, &options, will_do)?;
+            plan.warnings.extend(warnings);
+            Ok(Plan { plan, gripper: planner.config.gripper.clone(), first })
+        })
+    }
+}
+
+/// Makes a plan; if its caller is asked about grasps, on threads of its own.
+fn planned(
+    py: Python<'_>,
+    (threads, is_asked): (usize, bool),
+    plan: impl FnOnce(&WillDo<'_>) -> Result<Plan, Failure> + Send + 'static,
+) -> PyResult<Planned> {
+    if !is_asked {
+        let plan = || on_threads(threads, || plan(&|poses: &[Pose]| vec![true; poses.len()]))?;
+        return Ok(Planned::Plan(free(py, plan)?));
+    }
+    let (answer, answers) = channel();
+    let answers = Mutex::new(answers);
+    let work = move |tell: &Sender<Result<Step, Failure>>| {
+        let will_do = |poses: &[Pose]| {
+            let answers = answers.lock().unwrap_or_else(PoisonError::into_inner);
+            // Nobody answers after an exception.
+            _ = tell.send(Ok(Step::Asked(poses.iter().map(seven).collect())));
+            answers.recv().unwrap_or_else(|_| vec![false; poses.len()])
         };
-        Ok(Planned::Planning(Planning { steps: Apart::start(self.threads, work)?, answer: Some(answer) }))
+        plan(&will_do).map(Step::Planned)
+    };
+    Ok(Planned::Planning(Planning { steps: Apart::start(threads, work)?, answer: Some(answer) }))
+}
+
+/// The scene, when a plan that was left has ended.
+fn unlocked(scene: &Mutex<planner::KeptScene>) -> MutexGuard<'_, planner::KeptScene> {
+    scene.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What a planner has seen of a scene, from plan to plan.
+#[pyclass(frozen, module = "graspmill._native")]
+#[derive(Debug)]
+pub(crate) struct KeptScene {
+    planner: Arc<planner::Planner>,
+    threads: usize,
+    scene: Arc<Mutex<planner::KeptScene>>,
+}
+
+#[pymethods]
+impl KeptScene {
+    /// Nothing, for a planner.
+    #[new]
+    fn new(planner: &Planner) -> Self {
+        Self { planner: Arc::clone(&planner.planner), threads: planner.threads, scene: Arc::default() }
+    }
+
+    /// Adds a depth image, `[height, width]` in metres.
+    fn observe(
+        &self,
+        py: Python<'_>,
+        depth: PyReadonlyArray2<'_, f32>,
+        intrinsics: [f32; 6],
+        workspace_from_camera: Seven,
+    ) -> PyResult<()> {
+        room(PLAN_BYTES + POINT_BYTES * depth.as_array().len())?;
+        let view = View::new(image(&depth), camera(intrinsics, workspace_from_camera));
+        free(py, || unlocked(&self.scene).observe(view).map_err(Failure::from))
+    }
+
+    /// A plan from all images.
+    fn plan(&self, py: Python<'_>, request: Request) -> PyResult<Planned> {
+        room(PLAN_BYTES)?;
+        let (is_asked, options) = (request.is_asked, request.options()?);
+        let (planner, scene) = (Arc::clone(&self.planner), Arc::clone(&self.scene));
+        planned(py, (self.threads, is_asked), move |will_do| {
+            let mut scene = unlocked(&scene);
+            let plan = planner.plan_kept(&mut scene, &options, will_do)?;
+            Ok(Plan { plan, gripper: planner.config.gripper.clone(), first: scene.last().cloned() })
+        })
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use experiments::bench::time_plans;
+use experiments::bench::{Looks, time_plans};
 use experiments::config::Config;
 use experiments::statistics::Percentiles;
 use program::text::key_and_value;
@@ -39,6 +39,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
 
+    /// Time the next plans of a camera that moves, which takes so many images of each scene
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1000))]
+    images: Option<u32>,
+
     /// Threads of a plan [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -48,9 +52,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let configs = configs(arguments)?;
     let threads = arguments.threads.map_or_else(cores, usize::from);
     let pool = thread_pool(threads)?;
+    let looks = arguments.images.map_or(Looks::First, Looks::Next);
     for config in &configs {
         let planner = config.planner()?;
-        let times = pool.install(|| time_plans(config, &planner, arguments.plans as usize))?;
+        let times = pool.install(|| time_plans(config, &planner, arguments.plans as usize, looks))?;
         let Some(Percentiles { p50, p90, .. }) = times.plan_ms else { continue };
         let stages = times.stages_ms.iter().filter_map(|(stage, ms)| Some(format!("{stage} {:.1}", ms.as_ref()?.p50)));
         print(format_args!(
