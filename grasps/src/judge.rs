@@ -28,11 +28,11 @@ const HOPE: f32 = 0.1;
 const ABOUT_M: f32 = 0.01;
 /// Number of the best hands apart from each other that are looked at more closely: they are moved to where they fit
 /// better, if the judge is as sure of them there but for [`AS_SURE`], and their mirror images are judged, too.
-const LEADERS: usize = 16;
+const LEADERS: usize = 6;
 const AS_SURE: f32 = 0.01;
 
-/// Where hands are known from an earlier look, so many times fewer are proposed, asked about, and looked at closely.
-const KNOWN_LESS: [usize; 3] = [4, 2, 3];
+/// Where hands are known from an earlier look, so many times fewer are proposed and asked about.
+const KNOWN_LESS: [usize; 2] = [4, 2];
 
 /// A judge, prepared for a hand on a grid.
 #[derive(Debug, Clone)]
@@ -96,7 +96,8 @@ impl Judge {
     /// come the best of those whose tips are `apart_m` from each other, then the others, each best first; beside them
     /// the number of proposals. The best are asked about again in each mirror image: a hand and its mirror image end
     /// alike, so where the answers differ their mean is nearer to the truth. Only hands that are wanted are proposed,
-    /// and if `about_m` has places only near these. Hands that are known from an earlier look are asked about first. `better` moves one of the best hands, if it knows a better place.
+    /// and if `about_m` has places only near these. Hands that are known from an earlier look are asked about first.
+    /// `better` moves one of the best hands, if it knows a better place.
     #[must_use]
     pub fn scored_grasps(
         &self,
@@ -112,7 +113,7 @@ impl Judge {
         let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), 0);
         let mut wanted = space.near(about_m, ABOUT_M);
         let mut known = self.still_good(&space, seen.known, are_wanted);
-        let [proposals_less, asked_less, leaders_less] = if known.is_empty() { [1; 3] } else { KNOWN_LESS };
+        let [proposals_less, asked_less] = if known.is_empty() { [1; 2] } else { KNOWN_LESS };
         let (proposals, asked) = (proposals / proposals_less, asked / asked_less);
         for [more, more_asked] in SEARCHES {
             let hands = self.sampler.search(&space, (&wanted, are_wanted), more * proposals, stream);
@@ -126,7 +127,7 @@ impl Judge {
             }
             wanted = space.near(&hopeful_m(&judged), NEAR_M);
         }
-        let (mut best, rest) = leaders(sorted(judged), (LEADERS / leaders_less, apart_m));
+        let (mut best, rest) = leaders(sorted(judged), apart_m);
         let moved: Vec<Option<Grasp>> = best.par_iter().map(|judged| better(&judged.grasp)).collect();
         let moved = moved.into_iter().enumerate().filter_map(|(place, hand)| Some((place, hand?)));
         let moved: Vec<(usize, Grasp)> =
@@ -214,10 +215,10 @@ fn hopeful_m(judged: &[ScoredGrasp]) -> Vec<Vec3> {
 }
 
 /// The best hands that are this far apart, of hands in order, and the others.
-fn leaders(judged: Vec<ScoredGrasp>, (count, apart_m): (usize, f32)) -> (Vec<ScoredGrasp>, Vec<ScoredGrasp>) {
+fn leaders(judged: Vec<ScoredGrasp>, apart_m: f32) -> (Vec<ScoredGrasp>, Vec<ScoredGrasp>) {
     let (mut best, mut rest) = (Vec::<ScoredGrasp>::new(), Vec::new());
     for judged in judged {
-        let leads = best.len() < count && !best.iter().any(|better| better.is_near(&judged, apart_m));
+        let leads = best.len() < LEADERS && !best.iter().any(|better| better.is_near(&judged, apart_m));
         if leads { &mut best } else { &mut rest }.push(judged);
     }
     (best, rest)

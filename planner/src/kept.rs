@@ -133,8 +133,8 @@ fn grown(lattice: &Lattice, other: &Lattice) -> Lattice {
 }
 
 impl Planner {
-    /// Plans grasps from all images of a scene; the plan's camera is that of the newest. The last plan's best hands are asked about first, and fewer others are
-    /// proposed; where none was good it is as [`Self::plan_with`].
+    /// Plans grasps from all images of a scene; the plan's camera is that of the newest. The last plan's best hands are
+    /// asked about first, and fewer others are proposed; where none was good it is as [`Self::plan_with`].
     ///
     /// # Errors
     /// As [`Self::plan`]; if there is no image, or masks are given.
