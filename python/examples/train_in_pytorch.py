@@ -2,7 +2,7 @@
 
     python train_in_pytorch.py DATASET [EPOCHS]
 
-The trainer's own step is fifty times faster on a CPU; this is for those who want to change the network.
+The trainer's own step is faster on a CPU (docs/results/training-speed.md); this is for those who want to change the network.
 """
 
 import sys
