@@ -384,6 +384,39 @@ mod tests {
         }
     }
 
+    /// The pull, in m/s², at which a block turns or slides out of two plates that touch it at the four corners of a
+    /// rectangle of half sides `half_m`, a quarter of the force on each, when its centre of mass is `beside_m` beside
+    /// the rectangle's middle. By the theorem of the upper bound it is the least, over all points on that line about
+    /// which it could turn, of the power that friction takes by the power that the pull gives: a slow search.
+    fn turns_at_m_s2(friction_n: f32, mass_kg: f32, [half_x_m, half_z_m]: [f32; 2], beside_m: f32) -> f32 {
+        let about = |x_m: f32| {
+            let arms_m = [half_x_m - x_m, half_x_m + x_m].map(|side_m| libm::hypotf(side_m, half_z_m));
+            // Two corners each, on two plates.
+            friction_n * (arms_m[0] + arms_m[1]) / (mass_kg * (beside_m - x_m).abs())
+        };
+        (-100_000..100_000).map(|step| about(step as f32 * 1e-5)).fold(2.0 * friction_n / mass_kg, f32::min)
+    }
+
+    /// A block that is gripped beside its centre of mass turns before it slides.
+    #[test]
+    fn a_block_gripped_beside_its_centre_of_mass_turns_as_coulomb_says() {
+        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        let block: Body = Solid::new(ShapeKind::Cuboid, Vec3::new(0.14, 0.04, 0.02)).unwrap().into();
+        let friction_n = gripper.friction * 0.6 * gripper.finger_force_n;
+        let slides_m_s2 = 2.0 * friction_n;
+        for (physics, beside_m) in [(FAITHFUL, 0.01), (FAITHFUL, 0.03), (FAITHFUL, 0.05), (Physics::STANDARD, 0.03)] {
+            let world = FloatingWorld::new(&physics, &gripper, &procedure, (&block, 1.0, 0.6));
+            let grip = world.close(&Pose::from_translation(Vec3::new(-beside_m, 0.0, 0.015))).ok().unwrap();
+            let expected = turns_at_m_s2(friction_n, 1.0, [0.5 * gripper.finger_width_m, 0.01], beside_m);
+            assert!(expected < 0.9 * slides_m_s2, "{expected} of {slides_m_s2} m/s²: it turns first");
+            for direction in [Vec3::Z, -Vec3::Z] {
+                let pull = |m_s2: f32| Load::Pull { acceleration_m_s2: direction * m_s2, time_s: 0.5 };
+                let got = most(0.2 * expected, 3.0 * expected, |m_s2| grip.bear(&pull(m_s2), &TIGHT, 1.0).is_held);
+                assert!((got / expected - 1.0).abs() < 0.03, "{got} of {expected} m/s², {beside_m} m: {physics:?}");
+            }
+        }
+    }
+
     /// In a frame that turns about its origin, a body that is free and rests stays where it is for who does not turn.
     #[test]
     fn what_nothing_holds_stays_where_it_is_while_the_frame_turns() {
