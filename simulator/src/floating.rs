@@ -12,7 +12,8 @@ use crate::attempt::{AttemptWorld, Execution, Objects, Stopping};
 use crate::bodies::{AttemptEngine as _, Bodies as _};
 use crate::shortcuts::FreeClosing;
 use crate::stepper::{Stepper, Turning};
-use crate::{Body, Scene, SceneObject};
+use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
+use crate::{Body, Obstruction, Scene, SceneObject};
 
 /// The table of a floating object is this far below it.
 const FAR_M: f32 = 1e3;
@@ -93,6 +94,16 @@ pub struct Grip<'a> {
     closing: Motion,
     /// Pose of the object in the frame of the grasp.
     grasp_from_object: Pose,
+    /// The grasp in the frame of the object as it was before.
+    object_from_grasp: Pose,
+}
+
+/// Who watches, if anybody does, and the steps that were before.
+type Watching<'w, 'r> = Option<(&'w mut (dyn Watcher + 'r), usize)>;
+
+/// What is seen after a step; the hand stands still, where it came to in the object's frame.
+fn moment<'r>(stepper: &'r Stepper<'_>, phase: Phase, steps: usize, object_from_grasp: &Pose) -> Moment<'r> {
+    Moment { phase, steps, engine: stepper, object_count: 1, workspace_from_grasp: *object_from_grasp }
 }
 
 impl<'a> FloatingWorld<'a> {
@@ -119,7 +130,24 @@ impl<'a> FloatingWorld<'a> {
     /// # Errors
     /// The end of the attempt.
     pub fn close(&self, object_from_grasp: &Pose) -> Result<Grip<'_>, Execution> {
+        self.close_watched(object_from_grasp, None)
+    }
+
+    /// As [`Self::close`], and shows every step, in the frame of the object as it was before.
+    ///
+    /// # Errors
+    /// The end of the attempt.
+    pub fn close_watched(
+        &self,
+        object_from_grasp: &Pose,
+        mut watcher: Option<&mut (dyn Watcher + '_)>,
+    ) -> Result<Grip<'_>, Execution> {
         let world = &self.world;
+        let mut tell = |event: AttemptEvent| {
+            if let Some(watcher) = watcher.as_deref_mut() {
+                watcher.event(event, None);
+            }
+        };
         if let Some((outcome, hit)) = world.gate.blocked(object_from_grasp, 0) {
             return Err(Execution { outcome, hit: Some(hit), width_m: None, steps: 0 });
         }
@@ -127,8 +155,14 @@ impl<'a> FloatingWorld<'a> {
         let mut skipped = 0;
         if world.physics.shortcuts {
             match world.free_closing(object_from_grasp) {
-                FreeClosing::Empty { width_m, .. } => return Err(empty(width_m, 0)),
-                FreeClosing::Steps(steps) => skipped = steps,
+                FreeClosing::Empty { width_m, steps } => {
+                    tell(AttemptEvent::NothingBetween { steps });
+                    return Err(empty(width_m, 0));
+                }
+                FreeClosing::Steps(steps) => {
+                    tell(AttemptEvent::ClosedFreely { steps });
+                    skipped = steps;
+                }
             }
         }
         let Objects::Stepper(things) = &world.objects else { unreachable!("the stepper was asked for") };
@@ -152,6 +186,9 @@ impl<'a> FloatingWorld<'a> {
         let mut asymmetry_m = None;
         for step in skipped..world.physics.steps(world.procedure.close_time_s_max) {
             stepper.step();
+            if let Some(watcher) = watcher.as_deref_mut() {
+                watcher.step(&moment(&stepper, Phase::Close, step + 1, object_from_grasp));
+            }
             let closed_m = stepper.closed_m();
             let width_m = world.gripper.opening_m_max - closed_m[0] - closed_m[1];
             if width_m <= world.procedure.empty_width_m {
@@ -171,13 +208,19 @@ impl<'a> FloatingWorld<'a> {
         let closing =
             Motion { moved_m: (after.centre_m - before.centre_m).length(), turned_rad: after.turned_rad(&before) };
         let grasp_from_object = stepper.pose(0);
-        Ok(Grip { world, stepper, asymmetry_m, closing, grasp_from_object })
+        Ok(Grip { world, stepper, asymmetry_m, closing, grasp_from_object, object_from_grasp: *object_from_grasp })
     }
 
     /// Whether the open hand comes to a grasp without touching the object.
     #[must_use]
     pub fn is_reached(&self, object_from_grasp: &Pose) -> bool {
         self.world.gate.blocked(object_from_grasp, 0).is_none()
+    }
+
+    /// What blocks the hand on its way to a grasp, in the object's frame; `None` if nothing does.
+    #[must_use]
+    pub fn obstruction(&self, object_from_grasp: &Pose) -> Option<Obstruction> {
+        self.world.obstruction(object_from_grasp, 0)
     }
 
     /// The object's centre of mass, in its frame, in metres.
@@ -250,6 +293,19 @@ impl Grip<'_> {
     /// once it has closed. The grip itself stays as it is.
     #[must_use]
     pub fn bear(&self, load: &Load, hold: &Hold, friction_factor: f32) -> Ending {
+        self.bear_watched(load, hold, friction_factor, None)
+    }
+
+    /// As [`Self::bear`], and shows every step as [`FloatingWorld::close_watched`] does; steps are counted from those
+    /// that were before.
+    #[must_use]
+    pub fn bear_watched(
+        &self,
+        load: &Load,
+        hold: &Hold,
+        friction_factor: f32,
+        mut watching: Watching<'_, '_>,
+    ) -> Ending {
         let (physics, procedure) = (self.world.physics, self.world.procedure);
         let mut stepper = self.stepper.clone();
         stepper.scale_friction(friction_factor);
@@ -263,6 +319,9 @@ impl Grip<'_> {
             stepper.press(self.asymmetry_m);
             stepper.move_to(Vec3::ZERO);
             stepper.step();
+            if let Some((watcher, before)) = &mut watching {
+                watcher.step(&moment(&stepper, Phase::Bear, *before + step + 1, &self.object_from_grasp));
+            }
             motion = Placed::of(&stepper).motion(&before);
             let [left, right] = stepper.closed_m();
             let width_m = self.world.gripper.opening_m_max - left - right;

@@ -27,6 +27,8 @@ pub enum Phase {
     Retreat,
     /// The hand rests and holds.
     Hold,
+    /// A floating object is pulled or shaken.
+    Bear,
     /// The attempt is over; further steps are only shown to the watcher.
     After,
 }
