@@ -1,6 +1,7 @@
 //! Reading a dataset: every file is compared with its checksum, and every row is checked.
 
 pub(crate) mod dataset;
+mod plain_table;
 mod stream;
 pub(crate) mod table_reader;
 #[cfg(any(test, fuzzing))]
@@ -8,5 +9,6 @@ pub(crate) mod tests;
 mod verify;
 
 pub use dataset::Dataset;
+pub use plain_table::read_plain_table;
 pub use stream::ArrowStream;
 pub use verify::{PROBLEMS_MAX, Verified, verify};

@@ -83,7 +83,7 @@ impl Iterator for Batches {
 
 /// Converts a panic of the decoder to an error, without a message on stderr. After the check of the frame a panic is
 /// still possible, for example for a run length of more than ten bytes, which is visible only after decompression.
-fn guard<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+pub(crate) fn guard<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     static QUIET_HOOK: Once = Once::new();
     thread_local!(static IS_GUARDED: Cell<bool> = const { Cell::new(false) });
     QUIET_HOOK.call_once(|| {
