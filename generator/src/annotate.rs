@@ -7,6 +7,7 @@
 mod draw;
 mod objects;
 mod params;
+mod replay;
 mod stable;
 mod surface;
 
@@ -14,13 +15,14 @@ use core::f32::consts::PI;
 
 use rayon::prelude::*;
 use schema::{
-    GraspSource, GripTest, Margins, ObjectGrasp, ObjectGrasps, Outcome, Physics, Pose, Procedure, Purpose, StablePose,
-    Stream, Vec3,
+    GraspSource, GripTest, Gripper, Margins, ObjectGrasp, ObjectGrasps, Outcome, Physics, Pose, Procedure, Purpose,
+    StablePose, Stream, Vec3,
 };
 use simulator::{FloatingWorld, Grip, Hold, Load, Motion, Shake};
 
 use self::draw::{Draw, Supply};
 pub use self::params::{AnnotateParams, Annotated, GraspShares};
+pub use self::replay::grasp_replays;
 use self::stable::stable_poses;
 use self::surface::Surface;
 use crate::catalogue::CatalogueObject;
@@ -127,7 +129,7 @@ impl<'a> Bench<'a> {
             params,
             surface: Surface::of(body),
             world: FloatingWorld::new(&PHYSICS, &params.gripper, &PROCEDURE, (body, *mass_kg, *friction)),
-            loads: loads(params),
+            loads: loads(params.test, &params.gripper),
             stable: stable_poses(&annotated.object, params.seed, params.drops),
             friction: params.gripper.friction * friction,
         }
@@ -304,16 +306,16 @@ fn sides() -> [Vec3; 6] {
 }
 
 /// What the test puts a grip to.
-fn loads(params: &AnnotateParams) -> Vec<Load> {
+fn loads(test: GripTest, gripper: &Gripper) -> Vec<Load> {
     let pull = |direction: Vec3, time_s: f32| Load::Pull { acceleration_m_s2: direction.normalize() * G_M_S2, time_s };
-    match params.test {
+    match test {
         GripTest::Lift => vec![pull(Vec3::Z, LIFT_S)],
         GripTest::Turn => sides().map(|direction| pull(direction, LIFT_S)).to_vec(),
         GripTest::Tug => [[0.0, 0.0], [2.0, 0.0], [-2.0, 0.0], [0.0, 2.0], [0.0, -2.0]]
             .map(|[x, y]| pull(Vec3::new(x, y, 1.0), 0.5))
             .to_vec(),
         GripTest::Shake => {
-            let base_m = params.gripper.finger_length_m + params.gripper.palm_length_m;
+            let base_m = gripper.finger_length_m + gripper.palm_length_m;
             vec![Load::Shake(Shake {
                 way_m: Vec3::Z * 0.08,
                 turn_rad: Vec3::Y,

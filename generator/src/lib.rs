@@ -33,7 +33,7 @@ mod replay;
 mod robustness;
 mod run;
 
-pub use annotate::{AnnotateParams, Annotated, GraspShares, PHYSICS, PROCEDURE, annotate, relabel};
+pub use annotate::{AnnotateParams, Annotated, GraspShares, PHYSICS, PROCEDURE, annotate, grasp_replays, relabel};
 pub use bench::{BenchReport, Comparison, Cost, bench};
 pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};

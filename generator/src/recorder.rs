@@ -1,8 +1,7 @@
 //! Records an attempt for display: poses at up to sixty frames per second, events, and contacts.
 
 use report::view::{Class, Event, EventKind, Frame, Line, View, flat_points};
-use schema::{AttemptRecord, HitKind, Outcome, Physics, Pose, Vec3};
-use shards::DatasetInfo;
+use schema::{Gripper, HitKind, Outcome, Physics, Pose, Procedure, Vec3};
 use simulator::{AttemptEvent, Contact, ContactBody, Execution, Moment, Phase, Watcher};
 
 /// Frames a second.
@@ -20,9 +19,11 @@ pub(crate) struct Shot {
 
 /// A recording of an attempt.
 pub(crate) struct Recorder<'a> {
-    info: &'a DatasetInfo,
+    gripper: &'a Gripper,
+    pregrasp_distance_m: f32,
     step_rate_hz: f32,
-    stored: &'a AttemptRecord,
+    workspace_from_grasp: Pose,
+    target: usize,
     /// The scene at rest.
     at_rest: Vec<Pose>,
     /// Frames, events and contacts.
@@ -33,26 +34,37 @@ pub(crate) struct Recorder<'a> {
     /// Time at which the open hand was at the grasp, and the step of the last frame since then.
     grasp_time_s: f32,
     shot_steps: Option<usize>,
+    /// The last step that was seen.
+    steps: usize,
 }
 
 impl<'a> Recorder<'a> {
-    pub(crate) fn new(info: &'a DatasetInfo, physics: &Physics, stored: &'a AttemptRecord, at_rest: Vec<Pose>) -> Self {
+    /// Of a grasp of object `target`.
+    pub(crate) fn new(
+        (gripper, procedure, physics): (&'a Gripper, &Procedure, &Physics),
+        workspace_from_grasp: Pose,
+        target: usize,
+        at_rest: Vec<Pose>,
+    ) -> Self {
         Self {
-            info,
+            gripper,
+            pregrasp_distance_m: procedure.pregrasp_distance_m,
             step_rate_hz: physics.step_rate_hz,
-            stored,
+            workspace_from_grasp,
+            target,
             at_rest,
             view: View::new(String::new()),
             shots: Vec::new(),
             phase: None,
             grasp_time_s: 0.0,
             shot_steps: None,
+            steps: 0,
         }
     }
 
     /// Adds frames of the open hand moving `travel_m` from the pre-grasp.
     pub(crate) fn approach(&mut self, travel_m: f32) {
-        let distance_m = self.info.procedure.pregrasp_distance_m;
+        let distance_m = self.pregrasp_distance_m;
         self.happens(EventKind::Phase, "approach");
         self.happens(
             EventKind::Note,
@@ -62,7 +74,7 @@ impl<'a> Recorder<'a> {
         let count = (time_s * FRAME_RATE_HZ).ceil() as usize;
         for frame in 0..=count {
             let gone_m = if count == 0 { travel_m } else { travel_m * frame as f32 / count as f32 };
-            let pose = self.stored.workspace_from_grasp * Pose::from_translation(Vec3::Z * (gone_m - distance_m));
+            let pose = self.workspace_from_grasp * Pose::from_translation(Vec3::Z * (gone_m - distance_m));
             self.still(frame as f32 / FRAME_RATE_HZ, [pose; 3]);
         }
         self.grasp_time_s = self.view.frames.last().map_or(0.0, |frame| frame.time_s);
@@ -72,10 +84,9 @@ impl<'a> Recorder<'a> {
     fn close_freely(&mut self, steps: usize) {
         let stride = self.stride();
         for step in (stride..=steps).step_by(stride) {
-            let closed_m = self.info.hand_of(self.stored.scene_id).closing_speed_m_s / self.step_rate_hz * step as f32;
-            let moved =
-                |inward: f32| self.stored.workspace_from_grasp * Pose::from_translation(Vec3::Y * (inward * closed_m));
-            let hand = [moved(1.0), moved(-1.0), self.stored.workspace_from_grasp];
+            let closed_m = self.gripper.closing_speed_m_s / self.step_rate_hz * step as f32;
+            let moved = |inward: f32| self.workspace_from_grasp * Pose::from_translation(Vec3::Y * (inward * closed_m));
+            let hand = [moved(1.0), moved(-1.0), self.workspace_from_grasp];
             self.still(self.grasp_time_s + step as f32 / self.step_rate_hz, hand);
         }
     }
@@ -115,7 +126,7 @@ impl<'a> Recorder<'a> {
 
     fn is_of_interest(&self, body: ContactBody) -> bool {
         match body {
-            ContactBody::Object(id) => id == self.stored.object_id as usize,
+            ContactBody::Object(id) => id == self.target,
             ContactBody::Table | ContactBody::Container => false,
             ContactBody::LeftFinger | ContactBody::RightFinger | ContactBody::Palm => true,
         }
@@ -125,6 +136,13 @@ impl<'a> Recorder<'a> {
     pub(crate) fn happens(&mut self, kind: EventKind, text: impl Into<String>) {
         let frame = self.shots.len().saturating_sub(1);
         self.view.events.push(Event { frame, kind, text: text.into() });
+    }
+
+    /// Begins one of the loads that a grip has to bear, and gives the steps that were before it.
+    pub(crate) fn bears(&mut self, what: String) -> usize {
+        self.phase = Some(Phase::Bear);
+        self.happens(EventKind::Phase, what);
+        self.steps
     }
 
     fn begin(&mut self, phase: Phase) {
@@ -137,6 +155,7 @@ impl<'a> Recorder<'a> {
                 Phase::Close => "close",
                 Phase::Retreat => "retreat",
                 Phase::Hold => "hold",
+                Phase::Bear => "bear",
                 Phase::After => "after the decision: for display only",
             },
         );
@@ -146,6 +165,7 @@ impl<'a> Recorder<'a> {
 impl Watcher for Recorder<'_> {
     fn step(&mut self, moment: &Moment<'_>) {
         self.begin(moment.phase);
+        self.steps = moment.steps;
         if moment.steps.is_multiple_of(self.stride()) {
             self.shoot(moment);
         }

@@ -123,7 +123,7 @@ fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Repla
     let (grasp, target) = (stored.workspace_from_grasp, stored.object_id as usize);
 
     let at_rest = rows.objects.iter().map(|row| row.workspace_from_object).collect();
-    let mut recorder = Recorder::new(info, &physics, &stored, at_rest);
+    let mut recorder = Recorder::new((gripper, &info.procedure, &physics), grasp, target, at_rest);
     let obstruction = world.obstruction(&grasp, target);
     recorder.approach(obstruction.map_or(info.procedure.pregrasp_distance_m, |o| o.travel_m));
     if let Some(obstruction) = &obstruction {
@@ -152,7 +152,7 @@ fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Repla
     Ok(Replay { view, stored, now })
 }
 
-fn describe_obstruction(gripper: &Gripper, obstruction: &Obstruction) -> String {
+pub(crate) fn describe_obstruction(gripper: &Gripper, obstruction: &Obstruction) -> String {
     let what = match obstruction.hit.object_id {
         Some(id) => format!("object {id}"),
         None => "the table".to_owned(),
@@ -183,7 +183,7 @@ fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, shots: &[S
     rows.objects.iter().enumerate().flat_map(pieces_of).collect()
 }
 
-fn hand(gripper: &Gripper, shots: &[Shot]) -> Vec<Body> {
+pub(crate) fn hand(gripper: &Gripper, shots: &[Shot]) -> Vec<Body> {
     let boxed = |part: usize| {
         let poses: Vec<Pose> = shots.iter().map(|shot| shot.hand[part]).collect();
         let mut body = Body::of_box(Class::Hand, HAND[part], &gripper.open_hand()[part], &poses);
@@ -194,14 +194,18 @@ fn hand(gripper: &Gripper, shots: &[Shot]) -> Vec<Body> {
 }
 
 /// Reduces the poses of a body that never moves to one.
-fn still(body: &mut Body) {
+pub(crate) fn still(body: &mut Body) {
     if body.poses.iter().all(|pose| *pose == body.poses[0]) {
         body.poses.truncate(1);
     }
 }
 
 /// What the gate tested when it blocked the hand: the open hand or its sweep, with the clearance.
-fn swept((gripper, distance_m): (&Gripper, f32), workspace_from_grasp: &Pose, obstruction: &Obstruction) -> Vec<Body> {
+pub(crate) fn swept(
+    (gripper, distance_m): (&Gripper, f32),
+    workspace_from_grasp: &Pose,
+    obstruction: &Obstruction,
+) -> Vec<Body> {
     let looked_at = |hand_box: HandBox| match obstruction.outcome {
         Outcome::PregraspCollision => {
             HandBox { centre_m: hand_box.centre_m - schema::Vec3::Z * distance_m, ..hand_box }
