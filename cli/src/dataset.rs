@@ -1,7 +1,7 @@
 //! `graspmill dataset`: look at datasets, and take care of their files.
 
 mod bench;
-mod browse;
+pub(crate) mod browse;
 mod depth;
 mod export;
 mod finalize;
@@ -44,6 +44,7 @@ Examples:
   graspmill dataset report grasps --json        the same for programs
   graspmill dataset report grasps --html r.html the same as a page, with pictures of scenes
   graspmill dataset browse grasps --out pages   scenes, replays and the report as pages that lead to each other
+  graspmill dataset browse mugs --out pages     objects of objects annotate with their grasps, as such pages
   graspmill dataset view grasps --scene 17 --out scene.html   one scene in 3-D, for a browser
   graspmill dataset replay grasps --attempt 7/12 --out attempt.html    one attempt, for a browser
   graspmill dataset tsdf grasps --scene 17 --out scene.npy    its voxel grid, for graspmill plan --tsdf

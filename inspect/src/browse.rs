@@ -10,7 +10,7 @@ use program::{Context, ExitCode, Failure};
 use report::document::{Block, Document, Picture};
 use report::view::View;
 use report::view::folder::{
-    Facet, INDEX, LISTING, ListedAttempt, ListedScene, Listing, Place, REPORT, is_scene, scene_file, shared_files,
+    Facet, INDEX, LISTING, ListedAttempt, ListedScene, Listing, Place, REPORT, Shelf, is_page, scene_file, shared_files,
 };
 use schema::{AttemptRecord, Outcome, SceneRows, Vec3};
 use shards::Dataset;
@@ -27,7 +27,7 @@ const ANGLE_DEG: f32 = 30.0;
 const ANGLES: [&str; 6] = ["0 to 30°", "30 to 60°", "60 to 90°", "90 to 120°", "120 to 150°", "150 to 180°"];
 
 /// Makes the folder, or empties one that has such pages.
-fn begin(folder: &Path) -> Result<(), Failure> {
+pub(crate) fn begin(folder: &Path) -> Result<(), Failure> {
     let failed = || format!("failed to write {}", folder.display());
     std::fs::create_dir_all(folder).context(failed())?;
     let entries = std::fs::read_dir(folder).context(failed())?;
@@ -39,7 +39,7 @@ fn begin(folder: &Path) -> Result<(), Failure> {
     }
     // The listing first: a folder that has it may be emptied again.
     write(folder, LISTING, "")?;
-    for name in names.iter().filter(|name| is_scene(name)) {
+    for name in names.iter().filter(|name| is_page(name)) {
         std::fs::remove_file(folder.join(name)).context(failed())?;
     }
     Ok(())
@@ -58,7 +58,7 @@ pub fn browse(
 ) -> Result<(), Failure> {
     begin(folder)?;
     let info = dataset.info();
-    let (mut listing, mut pictures, mut attempts) = (Lists::default(), Vec::new(), 0);
+    let (mut listing, mut pictures, mut attempts) = (Lists::new(&FACETS), Vec::new(), 0);
     let mut neighbours = scenes.iter().map(|scene| scene_file(*scene)).collect::<Vec<_>>().into_iter().peekable();
     let mut previous = None;
     for of_shard in scenes.chunk_by(|a, b| info.shard_of(*a) == info.shard_of(*b)) {
@@ -67,25 +67,34 @@ pub fn browse(
             let rows = rows?;
             let view = scene_view(info, dataset.id(), &rows);
             let own = neighbours.next();
+            let replays = replays(&rows, &view);
             let place = Place {
+                shelf: Shelf::Scenes,
                 previous: std::mem::replace(&mut previous, own),
                 next: neighbours.peek().cloned(),
                 attempts: rows.attempts.iter().map(listed).collect(),
-                replays: replays(&rows, &view),
+                replays: rows.attempts.iter().map(|attempt| attempt.attempt_id).zip(replays).collect(),
             };
             write(folder, &scene_file(rows.scene.scene_id), &view.page_in(&place))?;
             pictures.push(picture(info, &rows, attempts < PICTURED_ATTEMPTS_MAX, true));
             attempts += rows.attempts.len();
-            listing.add(&rows);
+            let id = rows.scene.scene_id;
+            let listed = rows.attempts.iter().map(|attempt| (attempt.attempt_id, values(&rows, attempt)));
+            listing.add(id, format!("scene {id}"), scene_file(id), listed);
         }
     }
     write(folder, REPORT, &report(dataset)?.page(dataset, Some(scenes))?.html()?)?;
+    let facets = finish(folder, listing.finished(Shelf::Scenes))?;
+    write(folder, INDEX, &index(dataset, facets, pictures, attempts).html()?)
+}
+
+/// Writes what the pages share, and gives what can be chosen by.
+pub(crate) fn finish(folder: &Path, listing: Listing) -> Result<Vec<Facet>, Failure> {
     for (name, text) in shared_files() {
         write(folder, name, &text)?;
     }
-    let listing = listing.finished();
     write(folder, LISTING, &listing.script())?;
-    write(folder, INDEX, &index(dataset, listing.facets, pictures, attempts).html()?)
+    Ok(listing.facets)
 }
 
 /// The page of all scenes.
@@ -119,8 +128,12 @@ fn listed(attempt: &AttemptRecord) -> ListedAttempt {
     }
 }
 
-/// What attempts can be chosen by, in the order of the values of [`values`].
-const FACETS: [&str; 5] = ["outcome", "shape", "rule", "approach off vertical", "objects in scene"];
+/// What attempts can be chosen by, in the order of the values of [`values`], and the order of the choices where neither
+/// their names nor their numbers give it.
+const FACETS: [(&str, &[&str]); 5] =
+    [("outcome", &[]), ("shape", &[]), ("rule", &[]), ("approach off vertical", &ANGLES), ("objects in scene", &[])];
+/// The choice that is none if there are no others.
+pub(crate) const UNKNOWN: &str = "not measured";
 
 fn values(scene: &SceneRows, attempt: &AttemptRecord) -> [String; FACETS.len()] {
     let target = scene.objects.get(attempt.object_id as usize);
@@ -135,52 +148,67 @@ fn values(scene: &SceneRows, attempt: &AttemptRecord) -> [String; FACETS.len()] 
     ]
 }
 
-/// The scenes' attempts by their properties while scenes are added; choices are those that were met, in that order.
-#[derive(Default)]
-struct Lists {
-    choices: [Vec<String>; FACETS.len()],
+/// The attempts by their properties while scenes, or objects, are added; choices are those that were met, in that order.
+pub(crate) struct Lists {
+    facets: &'static [(&'static str, &'static [&'static str])],
+    choices: Vec<Vec<String>>,
     scenes: Vec<ListedScene>,
 }
 
 impl Lists {
-    fn add(&mut self, scene: &SceneRows) {
-        let mut place = |(facet, value): (usize, String)| {
-            let choices = &mut self.choices[facet];
+    /// Nothing yet.
+    pub(crate) fn new(facets: &'static [(&'static str, &'static [&'static str])]) -> Self {
+        Self { facets, choices: vec![Vec::new(); facets.len()], scenes: Vec::new() }
+    }
+
+    /// Adds a scene with its page and, of each attempt, its number and a value for each facet.
+    pub(crate) fn add<const N: usize>(
+        &mut self,
+        id: u64,
+        name: String,
+        file: String,
+        attempts: impl Iterator<Item = (u32, [String; N])>,
+    ) {
+        let mut place = |(choices, value): (&mut Vec<String>, String)| {
             let found = choices.iter().position(|choice| *choice == value);
             found.unwrap_or_else(|| (choices.push(value), choices.len() - 1).1) as u32
         };
-        let mut row = |attempt: &AttemptRecord| {
-            let places = values(scene, attempt).into_iter().enumerate().map(&mut place);
-            [attempt.attempt_id].into_iter().chain(places).collect()
+        let mut row = |(number, values): (u32, [String; N])| {
+            let places = self.choices.iter_mut().zip(values).map(&mut place);
+            [number].into_iter().chain(places).collect()
         };
-        let attempts = scene.attempts.iter().map(&mut row).collect();
-        self.scenes.push(ListedScene { id: scene.scene.scene_id, attempts });
+        let attempts = attempts.map(&mut row).collect();
+        self.scenes.push(ListedScene { id, name, file, attempts });
     }
 
-    /// The listing, its choices in the order in which people read them.
-    fn finished(mut self) -> Listing {
+    /// The listing, its choices in the order in which people read them, without what nothing is known of.
+    pub(crate) fn finished(mut self, shelf: Shelf) -> Listing {
         let mut facets = Vec::new();
-        for (at, (name, met)) in FACETS.into_iter().zip(&self.choices).enumerate() {
-            let mut choices = met.clone();
-            match at {
-                0 => choices.sort_by_key(|name| Outcome::from_name(name)),
-                3 => choices.sort_by_key(|name| ANGLES.iter().position(|angle| angle == name)),
-                4 => choices.sort_by_key(|count| count.parse::<usize>().ok()),
-                _ => choices.sort(),
+        for (at, ((name, order), met)) in self.facets.iter().zip(&self.choices).enumerate().rev() {
+            let rows = self.scenes.iter_mut().flat_map(|scene| &mut scene.attempts);
+            if met.iter().all(|choice| choice == UNKNOWN) {
+                rows.for_each(|row| {
+                    row.remove(at + 1);
+                });
+                continue;
             }
+            let mut choices = met.clone();
+            choices.sort_by_key(|choice| {
+                let place = order.iter().position(|other| other == choice);
+                (Outcome::from_name(choice), place, choice.parse::<usize>().ok(), choice.clone())
+            });
             let place = |choice| choices.iter().position(|other| other == choice).unwrap_or_default() as u32;
             let places: Vec<u32> = met.iter().map(place).collect();
-            for row in self.scenes.iter_mut().flat_map(|scene| &mut scene.attempts) {
-                row[at + 1] = places[row[at + 1] as usize];
-            }
-            facets.push(Facet { name: name.to_owned(), choices });
+            rows.for_each(|row| row[at + 1] = places[row[at + 1] as usize]);
+            facets.push(Facet { name: (*name).to_owned(), choices });
         }
-        Listing { facets, scenes: self.scenes }
+        facets.reverse();
+        Listing { shelf, facets, scenes: self.scenes }
     }
 }
 
 /// Pages can be made again: they are not worth waiting for the disk.
-fn write(folder: &Path, name: &str, text: &str) -> Result<(), Failure> {
+pub(crate) fn write(folder: &Path, name: &str, text: &str) -> Result<(), Failure> {
     let path = folder.join(name);
     program::create(&path)
         .and_then(|mut file| file.write_all(text.as_bytes()))
@@ -197,11 +225,14 @@ mod tests {
         let mut info = synthetic::info(5, 1, 60, 20);
         info.grid.resolution = 16;
         let scenes: Vec<SceneRows> = (0..3).map(|scene| synthetic::scene_rows(scene, info.seed, &info)).collect();
-        let mut listing = Lists::default();
-        scenes.iter().for_each(|scene| listing.add(scene));
-        let listing = listing.finished();
+        let mut listing = Lists::new(&FACETS);
+        for scene in &scenes {
+            let rows = scene.attempts.iter().map(|attempt| (attempt.attempt_id, values(scene, attempt)));
+            listing.add(scene.scene.scene_id, String::new(), String::new(), rows);
+        }
+        let listing = listing.finished(Shelf::Scenes);
         let names: Vec<&str> = listing.facets.iter().map(|facet| facet.name.as_str()).collect();
-        assert_eq!(names, FACETS);
+        assert_eq!(names, FACETS.map(|(name, _)| name));
         for (scene, listed) in scenes.iter().zip(&listing.scenes) {
             assert_eq!((scene.scene.scene_id, scene.attempts.len()), (listed.id, listed.attempts.len()));
             for (attempt, row) in scene.attempts.iter().zip(&listed.attempts) {

@@ -5,6 +5,7 @@
 mod foreign;
 mod given;
 mod page;
+mod stored;
 
 use report::view::flat_points;
 use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, StablePose, Vec3};
@@ -15,7 +16,8 @@ use shards::{PlainColumn, plain_table, pose_columns};
 use program::Failure;
 
 pub use given::GivenGrasps;
-pub use page::{grasps_index, grasps_svg, grasps_view};
+pub use page::browse_grasps;
+pub use stored::{grasp_sets, read_grasp_set};
 
 words! {
     /// A file's form.
@@ -101,7 +103,7 @@ fn table(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
 }
 
 /// Columns of the left finger, then of the right: where it presses, and the object's normal there.
-const CONTACTS: [[&str; 6]; 2] = [
+pub(super) const CONTACTS: [[&str; 6]; 2] = [
     ["left_x_m", "left_y_m", "left_z_m", "left_normal_x", "left_normal_y", "left_normal_z"],
     ["right_x_m", "right_y_m", "right_z_m", "right_normal_x", "right_normal_y", "right_normal_z"],
 ];

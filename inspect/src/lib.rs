@@ -26,7 +26,7 @@ pub use browse::browse;
 pub use export::{
     ExportCounts, ExportFormat, ExportOrigin, Exported, SceneFormat, SceneSelection, export, export_scene,
 };
-pub use grasps::{GivenGrasps, GraspFormat, grasps_index, grasps_info, grasps_svg, grasps_view};
+pub use grasps::{GivenGrasps, GraspFormat, browse_grasps, grasp_sets, grasps_info, read_grasp_set};
 pub use pictures::{scene_svg, spread};
 pub use statistics::{Bin, Coverage, Fit, Group, Law, OutcomeGroup, Report, TableSize, report};
 pub use tsdf::tsdf;

@@ -2,7 +2,7 @@
 // Chooses among the scenes of scenes.js, and shows replays. Choice and replay stand in the page's address, so that links
 // and the way back keep them.
 (() => {
-  const { facets, scenes } = listing;
+  const { shelf, facets, scenes } = listing;
   const byId = (id) => document.getElementById(id);
   const wanted = new URLSearchParams(location.hash.slice(1));
   const chosen = () => facets.map(({ name, choices }) => choices.indexOf(wanted.get(name) ?? ""));
@@ -16,8 +16,8 @@
     const text = [...names.map((name) => [name, wanted.get(name)].map(encodeURIComponent).join("=")), ...more].join("&");
     return text && `#${text}`;
   };
-  const sceneFile = (id) => `scene-${id}.html`;
-  const byFile = new Map(scenes.map((scene) => [sceneFile(scene.id), scene]));
+  const byNumber = new Map(scenes.map((scene) => [scene.id, scene]));
+  const byFile = new Map(scenes.map((scene) => [scene.file, scene]));
   const here = byFile.get(location.pathname.split("/").at(-1));
 
   // All scenes: the cards of those with a wanted attempt, whose other hands are faint.
@@ -30,13 +30,13 @@
       shown += found.size ? 1 : 0;
       count += found.size;
       for (const path of figure.querySelectorAll(".scene path")) {
-        const isFound = found.has(Number(path.textContent.split(/[/ ]/)[1]));
+        const isFound = found.has(Number(path.textContent.split(/[/ :]/)[1]));
         path.classList.toggle("other", !isFound);
         path.classList.toggle("chosen", isFound && chosen().some((choice) => choice >= 0));
       }
       for (const a of figure.querySelectorAll("a")) a.setAttribute("href", link + hash());
     }
-    byId("found").textContent = `${count.toLocaleString("en")} attempts in ${shown} of ${scenes.length} scenes`;
+    byId("found").textContent = `${count.toLocaleString("en")} ${shelf === "scenes" ? "attempts in" : "grasps of"} ${shown} of ${scenes.length} ${shelf}`;
   }
   const form = byId("filter");
   if (form) {
@@ -67,12 +67,13 @@
   const isAfter = (a, b) => a[0] > b[0] || (a[0] === b[0] && a[1] > b[1]);
   const lead = (name, place) => {
     byId(name).hidden = !place;
-    if (place) byId(name).href = sceneFile(place[0]) + (isReplay ? play(place[1]) : hash());
+    if (place) byId(name).href = byNumber.get(place[0]).file + (isReplay ? play(place[1]) : hash());
   };
   lead("next", all.find((place) => isAfter(place, own)));
   lead("previous", all.findLast((place) => isAfter(own, place)));
   for (const link of document.querySelectorAll("header a:not(#next, #previous, #scene)")) link.href = link.getAttribute("href") + hash();
   const wantedHere = new Set(matching(here).map(([id]) => id));
+  globalThis.isWanted = (id) => wantedHere.has(Number(id));
   for (const row of document.querySelectorAll("#attempts li")) {
     row.hidden = !wantedHere.has(Number(row.dataset.attempt));
     const link = row.querySelector("a");
@@ -94,7 +95,7 @@
   };
   function tell({ title, frames, events, facts }) {
     document.title = document.querySelector("h1").textContent = title;
-    Object.assign(byId("scene"), { hidden: false, href: sceneFile(here.id) + hash(), textContent: `scene ${here.id}` });
+    Object.assign(byId("scene"), { hidden: false, href: here.file + hash(), textContent: here.name });
     byId("list").hidden = true;
     byId("happens").hidden = false;
     byId("player").hidden = frames.length < 2;

@@ -10,8 +10,9 @@
   const isDark = matchMedia("(prefers-color-scheme: dark)");
   // In a folder clicks on hands open the replays of their attempts.
   for (const line of view.lines) {
-    const attempt = line.label.match(/^\d+\/(\d+) at /)?.[1];
+    const attempt = line.label.match(/^[\w.-]+\/(\d+)[ :]/)?.[1];
     if (byId(`replay-${attempt}`)) line.opens = attempt;
+    line.isOther = attempt && globalThis.isWanted && !isWanted(attempt);
   }
 
   // Colours that stay apart for the colour-blind (Okabe and Ito, 2008); x: drawn over all, a: opacity of a body that hides nothing.
@@ -47,6 +48,21 @@
     table: { name: "table", rgb: () => (isDark.matches ? [58, 66, 74] : [232, 235, 238]) },
   };
   const style = (item) => STYLES[item.class] ?? { name: item.class, rgb: grey };
+  // Viridis without the end that would be lost on the ground: from weak to strong.
+  const RAMP = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
+  const ramp = (share) => {
+    const place = (isDark.matches ? 0.28 + 0.72 * share : 0.86 * share) * (RAMP.length - 1), low = Math.min(RAMP.length - 2, Math.floor(place));
+    return RAMP[low].map((from, i) => from + (RAMP[low + 1][i] - from) * (place - low));
+  };
+  // What lines are coloured by, if not by their outcome.
+  let measure = null;
+  const hueOf = (line) => {
+    if (!measure || line.class !== "held") return style(line).rgb();
+    const value = measure.values[view.lines.indexOf(line)] ?? null;
+    if (value === null) return grey();
+    const [at, low, high] = [value, ...measure.range].map((number) => (measure.is_ratio ? Math.log(Math.max(number, 1e-6)) : number));
+    return ramp(Math.min(1, Math.max(0, (at - low) / (high - low || 1))));
+  };
   const rgba = ([r, g, b], alpha = 1) => `rgba(${r | 0},${g | 0},${b | 0},${alpha})`;
 
   const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
@@ -68,7 +84,7 @@
   const asked = new URLSearchParams(location.hash.slice(1)).get("outcome");
   if (asked) OUTCOMES.forEach((name) => shown[name === asked ? "add" : "delete"](name));
   let frame = 0, marked = null;
-  const isThere = (item) => shown.has(item.class) && (!item.frames || (item.frames[0] <= frame && frame <= item.frames[1]));
+  const isThere = (item) => shown.has(item.class) && !item.isOther && (!item.frames || (item.frames[0] <= frame && frame <= item.frames[1]));
 
   for (const body of view.bodies) {
     body.middle = times(body.corners_m.reduce(add), 1 / body.corners_m.length);
@@ -100,12 +116,15 @@
   // The camera goes round a point. Home is where the workspace, or all there is, fills the picture.
   const around = (() => {
     const fixed = view.lines.filter((l) => l.class === "workspace").flatMap((l) => l.points_m);
-    const all = fixed.length ? fixed : [[0, 0, 0], [0.3, 0.3, 0.3], ...view.lines.flatMap((l) => l.points_m)];
+    const ends = ({ corners_m, poses }) => [poses[0], poses.at(-1)].flatMap((pose) => corners_m.map((c) => add(turn(pose.slice(3), c), pose.slice(0, 3))));
+    const all = fixed.length ? fixed : [...view.lines.flatMap((l) => l.points_m), ...view.bodies.flatMap(ends)];
+    if (!all.length) all.push([0, 0, 0], [0.3, 0.3, 0.3]);
     const low = [0, 1, 2].map((i) => Math.min(...all.map((p) => p[i])));
     const high = [0, 1, 2].map((i) => Math.max(...all.map((p) => p[i])));
-    return { middle: times(add(low, high), 0.5), radius: 0.5 * Math.hypot(...less(high, low)) };
+    // In a workspace things lie low.
+    return { middle: times(add(low, high), 0.5), radius: 0.5 * Math.hypot(...less(high, low)), sunk: fixed.length ? 0.24 : 0 };
   })();
-  const home = () => ({ yaw: -1.05, pitch: 0.5, away: 2.7 * around.radius, centre: add(around.middle, [0, 0, -0.24 * around.radius]) });
+  const home = () => ({ yaw: -1.05, pitch: 0.5, away: (around.sunk ? 2.7 : 2.3) * around.radius, centre: add(around.middle, [0, 0, -around.sunk * around.radius]) });
   let camera = home(), eye, right, up, ahead, focal, width, height;
   function aim() {
     const [sy, cy, sp, cp] = [Math.sin(camera.yaw), Math.cos(camera.yaw), Math.sin(camera.pitch), Math.cos(camera.pitch)];
@@ -218,9 +237,9 @@
     }
     pen.lineWidth = (look.wide ?? 1) + (line === marked ? 2.2 : 0);
     pen.lineCap = "round";
-    pen.strokeStyle = rgba(look.rgb(), line === marked ? 0.5 : 0.16);
+    pen.strokeStyle = rgba(hueOf(line), line === marked ? 0.5 : 0.16);
     pen.stroke(near[1]);
-    pen.strokeStyle = rgba(look.rgb(), 0.95);
+    pen.strokeStyle = rgba(hueOf(line), 0.95);
     pen.stroke(near[0]);
     traced.push({ line, spots });
   }
@@ -302,7 +321,7 @@
 
   // The id of what is marked, such as 7/19, to the clipboard.
   function copy() {
-    const id = marked?.label.match(/^\d+\/\d+/)?.[0];
+    const id = marked?.label.match(/^[\w.-]+\/\d+/)?.[0];
     if (!id) return;
     navigator.clipboard?.writeText(id).then(() => { tip.textContent = `${id} copied`; }, () => {});
   }
@@ -381,6 +400,24 @@
     count.textContent = items.some((i) => i.frames) ? "" : number(items);
     row.append(box, spot, style(items[0]).name, count);
     byId("legend").append(row);
+  }
+
+  // What colours grasps.
+  const chooser = byId("measure"), measures = view.measures ?? [];
+  const paintScale = () => {
+    measure = measures[chooser.value] ?? null;
+    byId("scale").hidden = !measure;
+    const [from, bar, to] = byId("scale").children;
+    bar.style.background = `linear-gradient(90deg, ${[0, 0.25, 0.5, 0.75, 1].map((share) => rgba(ramp(share))).join(", ")})`;
+    [from.textContent, to.textContent] = measure ? measure.range.map((number) => Number(number.toPrecision(3))) : ["", ""];
+    redraw();
+  };
+  if (chooser && !measures.length) byId("measures").hidden = true;
+  else if (chooser) {
+    chooser.onchange = paintScale;
+    isDark.addEventListener("change", paintScale);
+    chooser.value = "0";
+    paintScale();
   }
 
   // The player.

@@ -1,10 +1,10 @@
-//! `graspmill dataset browse`: scenes of a dataset as a folder of pages.
+//! `graspmill dataset browse`: scenes of a dataset, or objects with labelled grasps, as a folder of pages.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use generator::packed_replays;
-use inspect::{browse, spread};
+use generator::{grasp_replays, packed_replays};
+use inspect::{browse, browse_grasps, grasp_sets, spread};
 use program::{ExitCode, Failure, print, print_error};
 use shards::{Dataset, Location};
 
@@ -14,19 +14,20 @@ use crate::parse::LocationParser;
 const ATTEMPTS: u64 = 24_000;
 
 /// Write scenes as pages that lead to each other: all scenes with filters, each in 3-D with its depth images and a
-/// replay of every attempt, the report.
+/// replay of every attempt, the report. Of a folder of objects annotate: all objects, each with its grasps and replays.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
-    /// The dataset's folder or URL.
+    /// The dataset's folder or URL, or the folder of objects annotate.
     #[arg(value_parser = LocationParser)]
     dataset: Location,
     /// The folder of the pages, new or of an earlier call; open its index.html in a browser.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// How many scenes, spread evenly over the dataset [default: all, of large datasets those of 24,000 attempts]
+    /// How many scenes, spread evenly over the dataset [default: all, of large datasets those of 24,000 attempts];
+    /// or objects
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     scenes: Option<u64>,
-    /// A scene's number, in place of a choice; may be repeated.
+    /// A scene's number, or an object's in the order of names from 0, in place of a choice; may be repeated.
     #[arg(long, value_name = "N", conflicts_with = "scenes")]
     scene: Vec<u64>,
     /// Leave out the replays: most of the bytes and of the time.
@@ -37,29 +38,70 @@ pub(crate) struct Arguments {
 /// Executes the scenes' attempts again. Where the dataset is of another engine, or attempts end otherwise than stored,
 /// that is said, and the pages of the scenes are made nevertheless.
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    if let Location::Path(folder) = &arguments.dataset
+        && folder.is_dir()
+    {
+        let names = grasp_sets(folder)?;
+        if !names.is_empty() {
+            let count = names.len() as u64;
+            let numbers = chosen(arguments, count, 0)?;
+            let names: Vec<String> = numbers.iter().map(|number| names[*number as usize].clone()).collect();
+            return grasp_pages(folder, &names, &arguments.out, !arguments.no_replays);
+        }
+    }
     let dataset = Dataset::open(&arguments.dataset)?;
     let scenes = chosen(arguments, dataset.info().scene_count, dataset.info().attempt_count)?;
-    let (mut trouble, mut others) = (None, 0);
+    let mut replays = Replays::default();
     browse(&dataset, &scenes, &arguments.out, |rows, view| {
-        if arguments.no_replays || trouble.is_some() {
+        replays.kept(|| if arguments.no_replays { Ok((Vec::new(), 0)) } else { packed_replays(&dataset, rows, view) })
+    })?;
+    replays.told(&arguments.out, "attempts")
+}
+
+/// The pages of the sets of grasps of these names in a folder.
+pub(crate) fn grasp_pages(folder: &Path, names: &[String], out: &Path, has_replays: bool) -> Result<ExitCode, Failure> {
+    let mut replays = Replays::default();
+    browse_grasps(folder, names, out, |set, numbers, view| {
+        replays.kept(|| if has_replays { grasp_replays(set, numbers, view) } else { Ok((Vec::new(), 0)) })
+    })?;
+    replays.told(out, "grasps")
+}
+
+/// What went wrong with the replays of pages.
+#[derive(Default)]
+struct Replays {
+    trouble: Option<Failure>,
+    /// Those that end otherwise than stored.
+    others: usize,
+}
+
+impl Replays {
+    /// Some more replays; none from the first failure on.
+    fn kept(&mut self, make: impl FnOnce() -> Result<(Vec<String>, usize), Failure>) -> Vec<String> {
+        if self.trouble.is_some() {
             return Vec::new();
         }
-        let made = packed_replays(&dataset, rows, view).map(|(replays, differ)| {
-            others += differ;
-            replays
-        });
-        made.unwrap_or_else(|failure| {
-            trouble = Some(failure);
-            Vec::new()
-        })
-    })?;
-    print(format_args!("{}\n", arguments.out.join("index.html").display()))?;
-    if others > 0 {
-        print_error(&format!("{others} attempts end otherwise than stored"));
+        match make() {
+            Ok((replays, others)) => {
+                self.others += others;
+                replays
+            }
+            Err(failure) => {
+                self.trouble = Some(failure);
+                Vec::new()
+            }
+        }
     }
-    let Some(failure) = trouble else { return Ok(ExitCode::Ok) };
-    print_error(&format!("not all attempts have replays: {failure}"));
-    Ok(ExitCode::Partial)
+
+    fn told(self, out: &Path, what: &str) -> Result<ExitCode, Failure> {
+        print(format_args!("{}\n", out.join("index.html").display()))?;
+        if self.others > 0 {
+            print_error(&format!("{} {what} end otherwise than stored", self.others));
+        }
+        let Some(failure) = self.trouble else { return Ok(ExitCode::Ok) };
+        print_error(&format!("not all {what} have replays: {failure}"));
+        Ok(ExitCode::Partial)
+    }
 }
 
 /// The numbers of the scenes to show, ascending.

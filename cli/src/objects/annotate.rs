@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::{Args, value_parser};
 use generator::{AnnotateParams, Annotated, GraspShares, annotate, relabel};
 use indicatif::{ProgressBar, ProgressStyle};
-use inspect::{GivenGrasps, GraspFormat, grasps_index, grasps_info, grasps_svg, grasps_view};
+use inspect::{GivenGrasps, GraspFormat, grasp_sets, grasps_info};
 use program::text::percent;
 use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
 use report::document::{Block, Cell, Document, Table};
@@ -16,13 +16,11 @@ use schema::{GripTest, Gripper};
 use serde_json::{Value, json};
 
 use super::import::{FileBar, MeshOptions};
+use crate::dataset::browse::grasp_pages;
 use crate::planning::gripper::named;
 
 /// The largest `NAME.json` that is read.
 const INFO_BYTES_MAX: u64 = 1 << 24;
-
-/// What the name of an object's picture ends with.
-const PICTURE: &str = ".svg";
 
 /// Label grasps of objects that float: drawn over their whole surface, executed, and, if asked, measured
 #[derive(Debug, Args)]
@@ -78,7 +76,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_parser = format)]
     format: Vec<GraspFormat>,
 
-    /// Also write pages: NAME.html to turn an object with its grasps; NAME.svg and index.html with all objects
+    /// Also write the pages of dataset browse into the folder pages of --out: each object with its grasps and replays
     #[arg(long)]
     pages: bool,
 
@@ -178,11 +176,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         infos.push(info);
     }
     bar.finish_and_clear();
+    let mut code = if left_out.is_empty() { ExitCode::Ok } else { ExitCode::Partial };
     if arguments.pages && !infos.is_empty() {
-        write_index(&infos, &arguments.out)?;
+        let (out, names) = (&arguments.out, grasp_sets(&arguments.out)?);
+        let made = grasp_pages(out, &names, &out.join("pages"), true)?;
+        code = if made == ExitCode::Ok { code } else { made };
     }
     print(document(&infos, &left_out, &arguments.out).text())?;
-    Ok(if left_out.is_empty() { ExitCode::Ok } else { ExitCode::Partial })
+    Ok(code)
 }
 
 /// Annotates an object and writes its files, unless an earlier run did; what its `NAME.json` says, or nothing if a
@@ -200,9 +201,7 @@ fn one(
     let settings = settings(object, params, given)?;
     let digest = network::checkpoint::digest(settings.to_string().as_bytes());
     let done = earlier(&path(".json"), &digest)?;
-    let pages: &[&str] = if arguments.pages { &[".html", PICTURE] } else { &[] };
-    let is_whole =
-        formats.iter().map(|format| format.ending()).chain(pages.iter().copied()).all(|ending| path(ending).exists());
+    let is_whole = formats.iter().all(|format| path(format.ending()).exists());
     if let Some(done) = done.filter(|_| is_whole) {
         return Ok(Some(done));
     }
@@ -218,10 +217,6 @@ fn one(
     for format in formats {
         write(&path(format.ending()), format.bytes(&set)?)?;
     }
-    if arguments.pages {
-        write(&path(".html"), grasps_view(&set).page())?;
-        write(&path(PICTURE), grasps_svg(&set))?;
-    }
     let mut info = grasps_info(&set);
     info["agreement"] = given.and_then(|given| given.agreement(&set)).unwrap_or_default();
     info["settings"] = settings;
@@ -229,17 +224,6 @@ fn one(
     // The last file: an object is complete if it is there.
     write(&path(".json"), format!("{info:#}\n"))?;
     Ok(Some(info))
-}
-
-/// The page of all objects, from their pictures, which this or an earlier run made.
-fn write_index(infos: &[Value], out: &Path) -> Result<(), Failure> {
-    let picture = |info: &Value| {
-        let path = out.join(format!("{}{PICTURE}", info["object"]["name"].as_str().unwrap_or_default()));
-        let bytes = program::read(&path, INFO_BYTES_MAX).context(format_args!("failed to read {}", path.display()))?;
-        Ok((info.clone(), String::from_utf8_lossy(&bytes).into_owned()))
-    };
-    let pictures = infos.iter().map(picture).collect::<Result<Vec<_>, Failure>>()?;
-    write(&out.join("index.html"), grasps_index(pictures)?)
 }
 
 /// Everything that a set depends on.

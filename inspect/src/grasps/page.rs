@@ -1,53 +1,150 @@
-//! An object's grasps to look at: one object in space, and a catalogue as a grid of pictures.
+//! Objects' grasps to look at: a folder with a grid of pictures, and a page for each object in space, on which a click
+//! on a grasp leads to its replay.
+
+use std::path::Path;
 
 use program::Failure;
 use program::text::{grouped, percent};
 use report::document::{Block, Document, Drawing, Picture};
 use report::picture::{Hand, Scene, svg};
-use report::view::{Body, Class, Line, View};
+use report::view::folder::{INDEX, ListedAttempt, Place, Shelf, object_file};
+use report::view::{Body, Class, Line, Measure, View};
 use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
-use serde_json::Value;
 
-use super::free_share;
+use super::stored::read_grasp_set;
+use super::{free_share, grasp_sets};
+use crate::browse::{Lists, UNKNOWN, begin, finish, write};
 use crate::pictures::spread;
 
-/// Grasps that a page shows, spread over all.
-const SHOWN: usize = 200;
+/// Grasps that a page shows, spread over all: at most, at least, and on all pages together. A replay takes a few
+/// kilobytes.
+const SHOWN: [usize; 2] = [200, 24];
+const SHOWN_OF_ALL: usize = 24_000;
 /// Hands in a picture of the grid.
 const PICTURED: usize = 16;
 
-/// An object with its grasps as forks, those that held last. A fork says what is known of its grasp.
-#[must_use]
-pub fn grasps_view(set: &ObjectGrasps) -> View {
-    let held = set.count(Outcome::Held);
-    let mut view = View::new(format!("{}: {held} of {} grasps held", set.name, grouped(set.grasps.len() as u64)));
-    view.bodies
-        .extend(set.parts.iter().map(|part| Body::of_part(Class::Object, set.name.clone(), part, &[Pose::IDENTITY])));
-    let numbers: Vec<u64> = (0..set.grasps.len() as u64).collect();
-    let shown = spread(&numbers, SHOWN);
-    for is_held in [false, true] {
-        for number in &shown {
-            let grasp = &set.grasps[*number as usize];
-            if (grasp.outcome == Outcome::Held) == is_held {
-                let width_m = grasp.width_m.unwrap_or(set.gripper.opening_m_max);
-                let class = Class::Grasp(grasp.outcome);
-                view.lines.push(Line::fork(
-                    class,
-                    label(set, *number, grasp),
-                    &set.gripper,
-                    &grasp.object_from_grasp,
-                    width_m,
-                ));
-            }
-        }
+/// What grasps can be chosen by, in the order of the values of [`values`].
+const FACETS: [(&str, &[&str]); 4] = [
+    ("outcome", &[]),
+    ("source", &[]),
+    ("strongest pull", &["below 1 g", "1 to 4 g", "4 to 16 g", "16 g and more", UNKNOWN]),
+    ("moved repeats that hold", &["all", "half or more", "less than half", UNKNOWN]),
+];
+
+fn values(grasp: &ObjectGrasp) -> [String; FACETS.len()] {
+    let pull = grasp.margins.map(|margins| [1.0, 4.0, 16.0].iter().filter(|g| margins.tug_max_g >= **g).count());
+    let share = grasp.robust_share.map(|share| if share >= 1.0 { 0 } else { 1 + usize::from(share < 0.5) });
+    let named = |facet: usize, place: Option<usize>| place.map_or(UNKNOWN, |place| FACETS[facet].1[place]);
+    [grasp.outcome.name(), grasp.source.name(), named(2, pull), named(3, share)].map(str::to_owned)
+}
+
+/// Writes the pages of the sets of these names in a folder, in order, as [`crate::browse`] does for scenes. A set at a
+/// time is in memory. `replays` makes those of a set's grasps of these numbers for its view, as [`View::packed`] does,
+/// or none.
+///
+/// # Errors
+/// If `out` has files of others, a set cannot be read, or a file not written.
+pub fn browse_grasps(
+    folder: &Path,
+    names: &[String],
+    out: &Path,
+    mut replays: impl FnMut(&ObjectGrasps, &[u64], &View) -> Vec<String>,
+) -> Result<(), Failure> {
+    begin(out)?;
+    let [most, least] = SHOWN;
+    let count = (SHOWN_OF_ALL / names.len().max(1)).clamp(least, most);
+    let (mut listing, mut pictures, mut shown, mut all) = (Lists::new(&FACETS), Vec::new(), 0, 0);
+    let page = |at: Option<usize>| at.and_then(|at| names.get(at)).map(|name| object_file(name));
+    for (at, name) in names.iter().enumerate() {
+        let set = read_grasp_set(folder, name)?;
+        let numbers = spread(&(0..set.grasps.len() as u64).collect::<Vec<_>>(), count);
+        let view = grasps_view(&set, &numbers);
+        let ids = || numbers.iter().map(|number| *number as u32);
+        let listed = |number: u32| (number, values(&set.grasps[number as usize]));
+        let place = Place {
+            shelf: Shelf::Objects,
+            previous: page(at.checked_sub(1)),
+            next: page(Some(at + 1)),
+            attempts: ids().map(|number| listed_attempt(&set, number)).collect(),
+            replays: ids().zip(replays(&set, &numbers, &view)).collect(),
+        };
+        write(out, &object_file(name), &view.page_in(&place))?;
+        pictures.push(picture(&set, name));
+        listing.add(at as u64, name.clone(), object_file(name), ids().map(listed));
+        (shown, all) = (shown + numbers.len(), all + set.grasps.len());
     }
+    let facets = finish(out, listing.finished(Shelf::Objects))?;
+    let objects = grasp_sets(folder)?.len();
+    let text = format!(
+        "{} of {objects} objects, with {} of {} grasps. A picture has up to {PICTURED} grasps that held, and leads to its \
+         object, which can be turned; a grasp there leads to its replay.",
+        names.len(),
+        grouped(shown as u64),
+        grouped(all as u64)
+    );
+    let blocks =
+        vec![Block::Text(text), Block::Filter(facets), Block::Legend(vec![Outcome::Held]), Block::Gallery(pictures)];
+    let footer = format!("graspmill dataset browse, Graspmill {}", env!("CARGO_PKG_VERSION"));
+    write(out, INDEX, &Document { title: "Grasps of objects".to_owned(), blocks, footer }.html()?)
+}
+
+/// An object in the grid.
+fn picture(set: &ObjectGrasps, name: &str) -> Picture {
+    let (held, all) = (set.count(Outcome::Held) as u64, set.grasps.len() as u64);
+    let caption = format!("{} of {} grasps held", grouped(held), grouped(all));
+    Picture { link: Some(object_file(name)), ..Picture::new(Drawing::Svg(grasps_svg(set)), name, caption) }
+}
+
+fn listed_attempt(set: &ObjectGrasps, number: u32) -> ListedAttempt {
+    let grasp = &set.grasps[number as usize];
+    let mut words = grasp.source.name().to_owned();
+    if let Some(width_m) = grasp.width_m {
+        words += &format!(", {:.1} mm", width_m * 1000.0);
+    }
+    if let Some(margins) = grasp.margins {
+        words += &format!(", up to {:.1} g", margins.tug_max_g);
+    }
+    if let Some(share) = grasp.robust_share {
+        words += &format!(", {} of repeats", percent(f64::from(share)));
+    }
+    ListedAttempt { attempt: number, id: number.to_string(), outcome: grasp.outcome, words }
+}
+
+/// An object with some of its grasps as forks, those that held last. A fork says what is known of its grasp, and can
+/// have the colour of how well it holds.
+fn grasps_view(set: &ObjectGrasps, numbers: &[u64]) -> View {
+    let held = grouped(set.count(Outcome::Held) as u64);
+    let mut view = View::new(format!("{}: {held} of {} grasps held", set.name, grouped(set.grasps.len() as u64)));
+    let part = |part| Body::of_part(Class::Object, set.name.clone(), part, &[Pose::IDENTITY]);
+    view.bodies.extend(set.parts.iter().map(part));
+    let is_held = |number: &u64| set.grasps[*number as usize].outcome == Outcome::Held;
+    let (last, first): (Vec<u64>, Vec<u64>) = numbers.iter().partition(|number| is_held(number));
+    let drawn = || first.iter().chain(&last);
+    for number in drawn() {
+        let grasp = &set.grasps[*number as usize];
+        let (pose, width_m) = (&grasp.object_from_grasp, grasp.width_m.unwrap_or(set.gripper.opening_m_max));
+        let class = Class::Grasp(grasp.outcome);
+        view.lines.push(Line::fork(class, label(set, *number, grasp), &set.gripper, pose, width_m));
+    }
+    let measured = |value: &dyn Fn(&ObjectGrasp) -> Option<f32>| -> Vec<Option<f32>> {
+        drawn().map(|number| value(&set.grasps[*number as usize])).collect()
+    };
+    view.measures.extend(
+        [
+            measure("strongest pull, g", true, measured(&|grasp| grasp.margins.map(|margins| margins.tug_max_g))),
+            measure("smallest friction, from much to little", false, measured(&|grasp| grasp.margins?.friction_min)),
+            measure("moved repeats that hold", false, measured(&|grasp| grasp.robust_share)),
+        ]
+        .into_iter()
+        .flatten(),
+    );
     view.fact("hand", format!("{}, opens {:.0} mm", set.gripper.name, set.gripper.opening_m_max * 1000.0));
     view.fact("test", set.test.name());
     view.fact("mass", format!("{:.0} g", set.mass_kg * 1000.0));
     view.fact("friction", format!("{:.2}", set.friction));
-    view.fact("shown", format!("{} of {}", shown.len(), set.grasps.len()));
-    for outcome in Outcome::ALL {
-        view.fact(outcome.name(), set.count(outcome).to_string());
+    view.fact("shown", format!("{} of {}", numbers.len(), grouped(set.grasps.len() as u64)));
+    for outcome in Outcome::ALL.into_iter().filter(|outcome| *outcome != Outcome::HitOther) {
+        view.fact(outcome.name(), grouped(set.count(outcome) as u64));
     }
     if let Some(coverage) = set.coverage {
         view.fact("covered", percent(f64::from(coverage)));
@@ -56,9 +153,19 @@ pub fn grasps_view(set: &ObjectGrasps) -> View {
     view
 }
 
+/// What some of the grasps were measured by, between the least and the most that occurs; a friction the other way
+/// round. A pull is shown from an eighth of a g.
+fn measure(name: &str, is_ratio: bool, values: Vec<Option<f32>>) -> Option<Measure> {
+    let known = || values.iter().flatten().copied();
+    let low = known().reduce(f32::min)?.max(if is_ratio { 0.125 } else { 0.0 });
+    let high = known().reduce(f32::max)?.max(low);
+    let range = if name.contains("friction") { [high, low] } else { [low, high] };
+    Some(Measure { name: name.to_owned(), range, is_ratio, values })
+}
+
 /// A grasp in words.
 fn label(set: &ObjectGrasps, number: u64, grasp: &ObjectGrasp) -> String {
-    let mut text = format!("grasp {number}, {}\n{}", grasp.source.name(), grasp.outcome.name());
+    let mut text = format!("{}/{number}: {}\n{}", set.name, grasp.source.name(), grasp.outcome.name());
     if let Some(width_m) = grasp.width_m {
         text += &format!(", {:.1} mm", width_m * 1000.0);
     }
@@ -79,8 +186,7 @@ fn label(set: &ObjectGrasps, number: u64, grasp: &ObjectGrasp) -> String {
 }
 
 /// A picture (SVG) of an object with some grasps that held.
-#[must_use]
-pub fn grasps_svg(set: &ObjectGrasps) -> String {
+fn grasps_svg(set: &ObjectGrasps) -> String {
     let held: Vec<&ObjectGrasp> = set.held().collect();
     let numbers: Vec<u64> = (0..held.len() as u64).collect();
     let size_m = 2.0 * set.extents_m.length().max(set.gripper.opening_m_max);
@@ -105,22 +211,4 @@ pub fn grasps_svg(set: &ObjectGrasps) -> String {
         fixtures: Vec::new(),
         hands: spread(&numbers, PICTURED).into_iter().map(hand).collect(),
     })
-}
-
-/// The page of all objects: what `NAME.json` says of each, and its picture.
-///
-/// # Errors
-/// [`Failure`] if the page cannot be made.
-pub fn grasps_index(objects: impl IntoIterator<Item = (Value, String)>) -> Result<String, Failure> {
-    let picture = |(info, drawing): (Value, String)| {
-        let name = info["object"]["name"].as_str().unwrap_or_default().to_owned();
-        let caption = format!("{} of {} grasps held", info["outcomes"][Outcome::Held.name()], info["grasps"]);
-        Picture { link: Some(format!("{name}.html")), ..Picture::new(Drawing::Svg(drawing), name, caption) }
-    };
-    let pictures = objects.into_iter().map(picture).collect();
-    let text = "A picture has up to 16 grasps that held, and leads to its object, which can be turned; there a fork says what is known \
-                of its grasp, and each outcome can be hidden.";
-    let blocks = vec![Block::Text(text.to_owned()), Block::Legend(vec![Outcome::Held]), Block::Gallery(pictures)];
-    let footer = format!("graspmill objects annotate, Graspmill {}", env!("CARGO_PKG_VERSION"));
-    Document { title: "Grasps of objects".to_owned(), blocks, footer }.html()
 }

@@ -1,5 +1,5 @@
-//! A folder of pages that lead to each other: all scenes, and a page for each scene, which holds the replays of its
-//! attempts. They share their style and scripts, which are files of the folder; nothing else is asked for, so a browser
+//! A folder of pages that lead to each other: all scenes, or all objects of a set of grasps, and a page for each, which
+//! holds the replays of its attempts. They share their style and scripts, which are files of the folder; nothing else is asked for, so a browser
 //! opens it from a disk.
 
 use std::io::Write;
@@ -24,17 +24,45 @@ pub const BROWSE: &str = "browse.js";
 pub(crate) const VIEWER: &str = "viewer.js";
 pub(crate) const VIEWER_STYLE: &str = "viewer.css";
 
+/// What the pages of a folder show.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shelf {
+    /// Scenes of a dataset, with their attempts.
+    #[default]
+    Scenes,
+    /// Objects alone, with their grasps.
+    Objects,
+}
+
+impl Shelf {
+    /// What is on all pages, and what each of them has.
+    pub(crate) fn words(self) -> [&'static str; 2] {
+        match self {
+            Self::Scenes => ["scenes", "attempts"],
+            Self::Objects => ["objects", "grasps"],
+        }
+    }
+}
+
 /// The page of a scene.
 #[must_use]
 pub fn scene_file(scene: u64) -> String {
     format!("scene-{scene}.html")
 }
 
-/// Whether a file of the folder is the page of a scene.
+/// The page of an object, whose name is that of its files.
 #[must_use]
-pub fn is_scene(name: &str) -> bool {
-    let id = name.strip_prefix("scene-").and_then(|rest| rest.strip_suffix(".html"));
-    id.is_some_and(|id| id.bytes().all(|byte| byte.is_ascii_digit()))
+pub fn object_file(name: &str) -> String {
+    format!("object-{name}.html")
+}
+
+/// Whether a file of the folder is the page of a scene or an object.
+#[must_use]
+pub fn is_page(name: &str) -> bool {
+    let stem = name.strip_suffix(".html").unwrap_or_default();
+    let scene = stem.strip_prefix("scene-");
+    scene.is_some_and(|id| id.bytes().all(|byte| byte.is_ascii_digit())) || stem.starts_with("object-")
 }
 
 /// A packed replay's poses are whole numbers of this many parts of a metre, or of a quaternion's unit.
@@ -92,9 +120,11 @@ pub struct Facet {
     pub choices: Vec<String>,
 }
 
-/// The scenes of a folder with their attempts, for its scripts.
+/// The scenes, or objects, of a folder with their attempts, for its scripts.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Listing {
+    /// What the scenes are.
+    pub shelf: Shelf,
     /// Properties of attempts.
     pub facets: Vec<Facet>,
     /// The scenes in the order of their pages.
@@ -104,8 +134,12 @@ pub struct Listing {
 /// A scene of a listing.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ListedScene {
-    /// Its number.
+    /// Its place in the order of the pages.
     pub id: u64,
+    /// What it is called: `scene 7`.
+    pub name: String,
+    /// Its page.
+    pub file: String,
     /// For each attempt its number, then for each facet the place of its value among the choices.
     pub attempts: Vec<Vec<u32>>,
 }
@@ -122,14 +156,16 @@ impl Listing {
 /// Where the page of a scene stands in a folder, and what it has besides the scene.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Place {
+    /// What the folder's pages show.
+    pub shelf: Shelf,
     /// The page before it.
     pub previous: Option<String>,
     /// The page after it.
     pub next: Option<String>,
     /// The scene's attempts, beside it.
     pub attempts: Vec<ListedAttempt>,
-    /// Replays by the numbers of their attempts, as [`View::packed`] makes them; none if they could not be made.
-    pub replays: Vec<String>,
+    /// Replays with the numbers of their attempts, as [`View::packed`] makes them; none if they could not be made.
+    pub replays: Vec<(u32, String)>,
 }
 
 /// An attempt in the list beside a view.
@@ -156,10 +192,10 @@ mod tests {
     use crate::view::{Body, Class};
 
     #[test]
-    fn only_pages_of_scenes_are_taken_for_such() {
-        assert!(is_scene(&scene_file(7)));
-        for name in ["scene-a.html", "index.html", "scene-7.htm", "my-scene-7.html", "scene-7.html.bak"] {
-            assert!(!is_scene(name), "{name}");
+    fn only_pages_of_scenes_and_objects_are_taken_for_such() {
+        assert!(is_page(&scene_file(7)) && is_page(&object_file("mug.2")));
+        for name in ["scene-a.html", "index.html", "scene-7.htm", "my-scene-7.html", "scene-7.html.bak", "mug.html"] {
+            assert!(!is_page(name), "{name}");
         }
     }
 
@@ -187,8 +223,9 @@ mod tests {
     #[test]
     fn a_listing_is_a_script_of_one_constant() {
         let facets = vec![Facet { name: "outcome".to_owned(), choices: vec!["held".to_owned()] }];
-        let scenes = vec![ListedScene { id: 7, attempts: vec![vec![19, 0]] }];
-        let script = Listing { facets, scenes }.script();
+        let (name, file) = ("scene 7".to_owned(), scene_file(7));
+        let scenes = vec![ListedScene { id: 7, name, file, attempts: vec![vec![19, 0]] }];
+        let script = Listing { shelf: Shelf::Scenes, facets, scenes }.script();
         let json = script.strip_prefix("const listing = ").and_then(|rest| rest.strip_suffix(";\n")).unwrap();
         let back: serde_json::Value = serde_json::from_str(json).unwrap();
         assert_eq!(back["scenes"][0]["attempts"][0], serde_json::json!([19, 0]));

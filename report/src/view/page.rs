@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::folder::{BROWSE, INDEX, LISTING, Place, REPORT, VIEWER, VIEWER_STYLE};
+use super::folder::{BROWSE, INDEX, LISTING, Place, REPORT, Shelf, VIEWER, VIEWER_STYLE};
 use super::{EventKind, View};
 use crate::assets;
 use crate::document::html::{in_words, whole};
@@ -43,6 +43,7 @@ impl View {
             }
             aside {
                 section { h2 { "Shown" } div #legend {} }
+                @if !self.measures.is_empty() { (self.measure_list()) }
                 section #depth hidden {
                     h2 { "Depth images" }
                     div {}
@@ -54,7 +55,7 @@ impl View {
             }
             script #view type="application/json" { (PreEscaped(in_script(&self.to_json()))) }
             @if let Some(place) = place {
-                @for (attempt, packed) in place.replays.iter().enumerate() {
+                @for (attempt, packed) in &place.replays {
                     script id={ "replay-" (attempt) } type="text/plain" { (packed) }
                 }
                 script src=(LISTING) {}
@@ -68,6 +69,19 @@ impl View {
 
     fn moves(&self) -> bool {
         self.frames.len() > 1
+    }
+
+    fn measure_list(&self) -> Markup {
+        html! {
+            section #measures {
+                h2 { "Colour of grasps that held" }
+                select #measure aria-label="colour of grasps that held" {
+                    option value="" { "outcome" }
+                    @for (at, one) in self.measures.iter().enumerate() { option value=(at) { (one.name) } }
+                }
+                p #scale hidden { span {} i {} span {} }
+            }
+        }
     }
 
     fn event_list(&self) -> Markup {
@@ -109,8 +123,8 @@ fn navigation(place: &Place) -> Markup {
             (way("previous", "← previous", &place.previous))
             (way("next", "next →", &place.next))
             (way("scene", "scene", &None))
-            a href=(INDEX) { "all scenes" }
-            a href=(REPORT) { "report" }
+            a href=(INDEX) { "all " (place.shelf.words()[0]) }
+            @if place.shelf == Shelf::Scenes { a href=(REPORT) { "report" } }
         }
     }
 }
@@ -118,7 +132,7 @@ fn navigation(place: &Place) -> Markup {
 fn attempts(place: &Place) -> Markup {
     html! {
         section #list {
-            h2 { "Attempts " span #chosen {} }
+            h2 { (capital(place.shelf.words()[1])) " " span #chosen {} }
             ol #attempts {
                 @for one in &place.attempts {
                     li data-attempt=(one.attempt) {
@@ -132,6 +146,11 @@ fn attempts(place: &Place) -> Markup {
             }
         }
     }
+}
+
+fn capital(word: &str) -> String {
+    let (first, rest) = word.split_at(1);
+    first.to_uppercase() + rest
 }
 
 fn player(is_shown: bool) -> Markup {
@@ -224,7 +243,7 @@ mod tests {
         let place = Place {
             next: Some("scene-9.html".to_owned()),
             attempts: vec![attempt],
-            replays: vec!["eJw=".to_owned(); 20],
+            replays: vec![(19, "eJw=".to_owned())],
             ..Place::default()
         };
         let page = view.page_in(&place);

@@ -43,11 +43,10 @@ fn grasps_of_a_mesh_are_in_its_own_frame_and_the_same_bytes_again() {
     assert_eq!(a, b);
     let names: Vec<String> =
         a.iter().map(|(path, _)| path.file_name().unwrap().to_string_lossy().into_owned()).collect();
-    for ending in
-        [".parquet", ".json", ".isaac_grasp.yaml", ".graspgen.json", ".molmospaces.npz", ".graspnet.npy", ".html"]
-    {
+    for ending in [".parquet", ".json", ".isaac_grasp.yaml", ".graspgen.json", ".molmospaces.npz", ".graspnet.npy"] {
         assert!(names.contains(&format!("brick{ending}")), "{names:?}");
     }
+    assert!(names.contains(&"object-brick.html".to_owned()), "{names:?}");
     let brick = info(&dir.path().join("a/brick.json"));
     // The mesh's corner is the origin, not its middle.
     let centre = brick["object"]["centre_of_mass_m"].as_array().unwrap();
@@ -68,17 +67,24 @@ fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
     fs::remove_file(folder.join("brick.parquet")).unwrap();
     check_ok(&annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps"]));
     assert_eq!(files(&folder), before);
-    // Pages that an earlier run made stay as they are, and are in the page of all.
-    let with_pages = ["brick.obj", "--scale", "0.001", "--out", "grasps", "--pages"];
-    check_ok(&annotate(&dir, &with_pages));
-    let (before, page) = (files(&folder), folder.join("brick.html"));
-    fs::write(&page, "edited").unwrap();
-    check_ok(&annotate(&dir, &with_pages));
-    assert_eq!(fs::read_to_string(&page).unwrap(), "edited");
-    assert!(fs::read_to_string(folder.join("index.html")).unwrap().contains("brick.html"));
-    fs::remove_file(&page).unwrap();
-    check_ok(&annotate(&dir, &with_pages));
-    assert_eq!(files(&folder), before);
+    // Pages are made of what is stored, so that they can be asked for later, or for a folder.
+    check_ok(&annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps", "--pages"]));
+    let before = files(&folder);
+    let pages = files(&folder.join("pages"));
+    let browse = |words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_graspmill"));
+        command.current_dir(dir.path()).args(["dataset", "browse", "grasps", "--out"]).args(words).output().unwrap()
+    };
+    assert!(check_ok(&browse(&["shown"])).contains("index.html"));
+    let texts =
+        |pages: Vec<(std::path::PathBuf, Vec<u8>)>| pages.into_iter().map(|(_, bytes)| bytes).collect::<Vec<_>>();
+    assert_eq!(texts(files(&dir.path().join("shown"))), texts(pages));
+    let read = |name: &str| fs::read_to_string(dir.path().join("shown").join(name)).unwrap();
+    assert!(read("index.html").contains("object-brick.html") && read("scenes.js").contains("\"shelf\":\"objects\""));
+    let page = read("object-brick.html");
+    assert_eq!(page.matches("<script id=\"replay-").count(), 40, "{page}");
+    assert!(page.contains("href=\"#attempt=7\"") && !page.contains("report.html"), "{page}");
+    check_fails(&browse(&["more", "--scene", "1"]), 78, &["below 1"]);
     check_fails(
         &annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps", "--seed", "2"]),
         78,

@@ -1,0 +1,163 @@
+//! Sets of grasps as `graspmill objects annotate` stores them: NAME.parquet and NAME.json.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use program::{Context as _, ExitCode, Failure};
+use schema::{
+    GraspSource, GripTest, Gripper, Margins, ObjectGrasp, ObjectGrasps, Outcome, Polyhedron, Pose, Quat, StablePose,
+    Vec3,
+};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use shards::{PlainColumn, read_plain_table};
+
+use super::{CONTACTS, GraspFormat};
+
+/// The largest `NAME.json` that is read, and the most grasps.
+const INFO_BYTES_MAX: u64 = 1 << 24;
+const GRASPS_MAX: usize = 1_000_000;
+
+/// The names of the sets in a folder, in order.
+///
+/// # Errors
+/// [`Failure`] if the folder cannot be read.
+pub fn grasp_sets(folder: &Path) -> Result<Vec<String>, Failure> {
+    let failed = || format!("failed to read {}", folder.display());
+    let entries = std::fs::read_dir(folder).context(failed())?;
+    let names = entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
+    let names: Vec<String> = names.collect::<std::io::Result<_>>().context(failed())?;
+    let ending = GraspFormat::Parquet.ending();
+    let stems = names.iter().filter_map(|name| name.strip_suffix(ending));
+    let mut sets: Vec<String> =
+        stems.filter(|stem| names.contains(&format!("{stem}.json"))).map(str::to_owned).collect();
+    sets.sort();
+    Ok(sets)
+}
+
+#[derive(Deserialize)]
+struct Info {
+    object: About,
+    test: String,
+    gripper: Gripper,
+    coverage: Option<f32>,
+    stable_poses: Vec<Stable>,
+}
+
+#[derive(Deserialize)]
+struct About {
+    name: String,
+    file: String,
+    scale_m: f64,
+    extents_m: [f32; 3],
+    centre_of_mass_m: [f32; 3],
+    parts_m: Vec<Vec<[f32; 3]>>,
+    mass_kg: f32,
+    friction: f32,
+}
+
+#[derive(Deserialize)]
+struct Stable {
+    probability: f32,
+    position_m: [f32; 3],
+    quaternion_xyzw: [f32; 4],
+}
+
+/// The set of this name in a folder.
+///
+/// # Errors
+/// [`Failure`] if a file cannot be read, is damaged, or says what cannot be.
+pub fn read_grasp_set(folder: &Path, name: &str) -> Result<ObjectGrasps, Failure> {
+    let path = folder.join(format!("{name}.json"));
+    let wrong = |text: String, path: &Path| Failure::new(ExitCode::Data, format!("{text}: {}", path.display()));
+    let bytes = program::read(&path, INFO_BYTES_MAX).context(format_args!("failed to read {}", path.display()))?;
+    let info: Info = parse(&bytes).map_err(|text| wrong(text, &path))?;
+    let rule = |what: &str| wrong(format!("{what} must be as graspmill objects annotate writes it"), &path);
+    let test = GripTest::from_name(&info.test).ok_or_else(|| rule("test"))?;
+    let hull = |corners: &Vec<[f32; 3]>| {
+        let corners_m: Vec<Vec3> = corners.iter().copied().map(Vec3::from_array).collect();
+        let is_finite = corners_m.iter().all(|corner| corner.is_finite());
+        Polyhedron::hull_of(&corners_m).ok().filter(|_| is_finite).ok_or_else(|| rule("object.parts_m"))
+    };
+    let About { name, file, scale_m, extents_m, centre_of_mass_m, parts_m, mass_kg, friction } = info.object;
+    let parts = parts_m.iter().map(hull).collect::<Result<Vec<_>, _>>()?;
+    if parts.is_empty() || !(mass_kg > 0.0 && friction >= 0.0) {
+        return Err(rule("object"));
+    }
+    let stable = |one: Stable| StablePose {
+        table_from_object: pose(one.position_m, one.quaternion_xyzw),
+        probability: one.probability,
+    };
+    let stable_poses: Vec<StablePose> = info.stable_poses.into_iter().map(stable).collect();
+    let path = folder.join(format!("{name}{}", GraspFormat::Parquet.ending()));
+    let columns: BTreeMap<String, PlainColumn> = read_plain_table(&path, GRASPS_MAX)?.into_iter().collect();
+    let grasps = grasps(&columns, stable_poses.len()).map_err(|text| wrong(text, &path))?;
+    Ok(ObjectGrasps {
+        name,
+        file,
+        scale_m,
+        gripper: info.gripper,
+        test,
+        mass_kg,
+        friction,
+        extents_m: Vec3::from_array(extents_m),
+        parts,
+        centre_of_mass_m: Vec3::from_array(centre_of_mass_m),
+        grasps,
+        coverage: info.coverage,
+        stable_poses,
+    })
+}
+
+fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
+    let value: Value = serde_json::from_slice(bytes).map_err(|error| format!("the file must be JSON, got {error}"))?;
+    serde_json::from_value(value)
+        .map_err(|error| format!("the file must be one of graspmill objects annotate: {error}"))
+}
+
+fn pose(position_m: [f32; 3], [x, y, z, w]: [f32; 4]) -> Pose {
+    Pose::from_parts(Vec3::from_array(position_m), Quat::from_xyzw(x, y, z, w))
+}
+
+/// The rows of the table.
+fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Result<Vec<ObjectGrasp>, String> {
+    let missing = |name: &str| format!("the table must have the column {name}");
+    let real = |name: &str| match columns.get(name) {
+        Some(PlainColumn::Real(values)) => Ok(values.as_slice()),
+        _ => Err(missing(name)),
+    };
+    let text = |name: &str| match columns.get(name) {
+        Some(PlainColumn::Text(values)) => Ok(values.as_slice()),
+        _ => Err(missing(name)),
+    };
+    let all = |names: &[&str]| names.iter().map(|name| real(name)).collect::<Result<Vec<_>, _>>();
+    let place = all(&["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"])?;
+    let contacts = [all(&CONTACTS[0])?, all(&CONTACTS[1])?];
+    let (sources, outcomes, width) = (text("source")?, text("outcome")?, real("width_m")?);
+    let motions = all(&["closing_moved_m", "closing_turned_rad", "test_moved_m", "test_turned_rad"])?;
+    let margins = all(&["friction_min", "tug_max_g", "robust_share"])?;
+    let Some(PlainColumn::Whole(free)) = columns.get("free_on_table") else { return Err(missing("free_on_table")) };
+    let vector = |of: &[&[Option<f32>]], row: usize| Some(Vec3::new(of[0][row]?, of[1][row]?, of[2][row]?));
+    let grasp = |row: usize| {
+        let number = |column: usize| place[column][row].filter(|number| number.is_finite());
+        let at = (0..7).map(number).collect::<Option<Vec<f32>>>().ok_or("a grasp must have a pose")?;
+        let motion = |first: usize| Some((motions[first][row]?, motions[first + 1][row]?));
+        Ok(ObjectGrasp {
+            object_from_grasp: pose([at[0], at[1], at[2]], [at[3], at[4], at[5], at[6]]),
+            source: GraspSource::from_name(&sources[row]).ok_or("a source must be known")?,
+            outcome: Outcome::from_name(&outcomes[row]).ok_or("an outcome must be known")?,
+            width_m: width[row],
+            contacts_m: [0, 1].map(|side: usize| vector(&contacts[side][..3], row)),
+            normals: [0, 1].map(|side: usize| vector(&contacts[side][3..], row)),
+            closing: motion(0),
+            test: motion(2),
+            margins: margins[1][row].map(|tug_max_g| Margins { friction_min: margins[0][row], tug_max_g }),
+            robust_share: margins[2][row],
+            is_free_on_table: (0..stable_poses)
+                .map(|bit| free[row].checked_shr(bit as u32).unwrap_or(0) & 1 == 1)
+                .collect(),
+        })
+    };
+    (0..outcomes.len()).map(grasp).collect()
+}
