@@ -161,3 +161,73 @@ fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Resul
     };
     (0..outcomes.len()).map(grasp).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grasps::{grasps_info, table};
+
+    fn set() -> ObjectGrasps {
+        let corner = |c: u8| Vec3::new(f32::from(c & 1), f32::from(c >> 1 & 1), f32::from(c >> 2 & 1)) * 0.05;
+        let corners_m: Vec<Vec3> = (0..8).map(corner).collect();
+        let grasp = |number: u8| {
+            let outcome = Outcome::ALL[usize::from(number) % Outcome::ALL.len()];
+            let is_closed = number % 2 == 0;
+            let at_m = Vec3::splat(f32::from(number) * 1e-3);
+            ObjectGrasp {
+                object_from_grasp: Pose::from_translation(at_m),
+                source: GraspSource::ALL[usize::from(number) % GraspSource::ALL.len()],
+                outcome,
+                width_m: is_closed.then_some(0.03),
+                contacts_m: [is_closed.then_some(at_m), None],
+                normals: [is_closed.then_some(Vec3::X), None],
+                closing: is_closed.then_some((0.001, 0.1)),
+                test: is_closed.then_some((0.002, 0.2)),
+                margins: is_closed.then_some(Margins { friction_min: None, tug_max_g: 0.5 }),
+                robust_share: is_closed.then_some(0.25),
+                is_free_on_table: vec![is_closed, true],
+            }
+        };
+        let stable = |probability: f32| StablePose { table_from_object: Pose::IDENTITY, probability };
+        ObjectGrasps {
+            name: "cube".to_owned(),
+            file: "cube.obj".to_owned(),
+            scale_m: 0.001,
+            gripper: Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap(),
+            test: GripTest::Tug,
+            mass_kg: 0.1,
+            friction: 0.8,
+            extents_m: Vec3::splat(0.05),
+            parts: vec![Polyhedron::hull_of(&corners_m).unwrap()],
+            centre_of_mass_m: Vec3::splat(0.025),
+            grasps: (0..12).map(grasp).collect(),
+            coverage: Some(0.5),
+            stable_poses: vec![stable(0.75), stable(0.25)],
+        }
+    }
+
+    #[test]
+    fn a_set_is_read_as_it_was_written_and_damage_is_an_error() {
+        let (set, place) = (set(), tempfile::tempdir().unwrap());
+        let write = |name: &str, bytes: &[u8]| std::fs::write(place.path().join(name), bytes).unwrap();
+        let info = grasps_info(&set).to_string();
+        write("cube.json", info.as_bytes());
+        write("other.json", b"{}");
+        write("cube.parquet", &table(&set).unwrap());
+        assert_eq!(grasp_sets(place.path()).unwrap(), ["cube"]);
+        let read = read_grasp_set(place.path(), "cube").unwrap();
+        assert_eq!(read.grasps, set.grasps);
+        assert_eq!((grasps_info(&read).to_string(), table(&read).unwrap()), (info.clone(), table(&set).unwrap()));
+        for (from, to, said) in [
+            ("\"tug\"", "\"pull\"", "test"),
+            ("\"mass_kg\":", "\"mass\":", "mass_kg"),
+            ("\"parts_m\":[[", "\"parts_m\":[[],[", "parts_m"),
+        ] {
+            assert!(info.contains(from), "{from}: {info}");
+            write("cube.json", info.replace(from, to).as_bytes());
+            let error = read_grasp_set(place.path(), "cube").unwrap_err();
+            assert_eq!(error.exit_code(), ExitCode::Data, "{error}");
+            assert!(error.to_string().contains(said), "{error}");
+        }
+    }
+}
