@@ -12,7 +12,7 @@
   for (const line of view.lines) {
     const attempt = line.label.match(/^[\w.-]+\/(\d+)[ :]/)?.[1];
     if (byId(`replay-${attempt}`)) line.opens = attempt;
-    line.isOther = attempt && globalThis.isWanted && !isWanted(attempt);
+    line.attempt = attempt;
   }
 
   // Colours that stay apart for the colour-blind (Okabe and Ito, 2008); x: drawn over all, a: opacity of a body that hides nothing.
@@ -83,6 +83,8 @@
   const OUTCOMES = ["held", "slipped", "hit_other", "empty", "approach_collision", "pregrasp_collision"];
   const asked = new URLSearchParams(location.hash.slice(1)).get("outcome");
   if (asked) OUTCOMES.forEach((name) => shown[name === asked ? "add" : "delete"](name));
+  // The legend can bring other outcomes back.
+  for (const line of view.lines) line.isOther = line.attempt && globalThis.isWanted && (!asked || line.class === asked) && !isWanted(line.attempt);
   let frame = 0, marked = null;
   const isThere = (item) => shown.has(item.class) && !item.isOther && (!item.frames || (item.frames[0] <= frame && frame <= item.frames[1]));
 
