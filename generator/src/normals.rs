@@ -188,6 +188,10 @@ pub(crate) fn within(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<Wi
         } else if gap_m < 0.0 {
             return None;
         }
+        // Most lines pass by most parts.
+        if enter >= exit {
+            return None;
+        }
     }
     face.filter(|_| enter < exit).map(|normal| Within { enter_m: enter, exit_m: exit, normal, exit_normal })
 }

@@ -172,7 +172,7 @@ mod tests {
         let corners_m: Vec<Vec3> = (0..8).map(corner).collect();
         let grasp = |number: u8| {
             let outcome = Outcome::ALL[usize::from(number) % Outcome::ALL.len()];
-            let is_closed = number % 2 == 0;
+            let is_closed = number.is_multiple_of(2);
             let at_m = Vec3::splat(f32::from(number) * 1e-3);
             ObjectGrasp {
                 object_from_grasp: Pose::from_translation(at_m),
