@@ -7,6 +7,7 @@
 mod draw;
 mod objects;
 mod params;
+mod part;
 mod replay;
 mod stable;
 mod surface;

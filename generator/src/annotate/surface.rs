@@ -1,16 +1,17 @@
 //! The surface of an object alone: points that are spread evenly, and what is straight across from them.
 
-use schema::{Plane, Polyhedron, Vec3, bounds_m};
+use schema::{Polyhedron, Vec3, bounds_m};
 use simulator::Body;
 
-use crate::normals::{SEAM_M, Within, within};
+use super::part::LinedPart;
+use crate::normals::{SEAM_M, Within};
 
 /// Bits of a coordinate in the order along a Morton curve.
 const MORTON_BITS: u32 = 10;
 
 /// The outer surface of an object, in its frame.
 pub(super) struct Surface {
-    parts: Vec<Vec<Plane>>,
+    parts: Vec<LinedPart>,
     triangles: Vec<Triangle>,
     /// The area of all triangles up to each.
     areas_m2: Vec<f32>,
@@ -52,7 +53,7 @@ impl Surface {
         });
         Self {
             areas_m2: areas_m2.collect(),
-            parts: polyhedra.iter().map(|p| p.planes().collect()).collect(),
+            parts: polyhedra.iter().map(|p| LinedPart::new(p.planes().collect(), &p.corners_m())).collect(),
             triangles,
         }
     }
@@ -65,8 +66,9 @@ impl Surface {
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         let at_m = a + (b - a) * u + (c - a) * v;
         let outside_m = at_m + normal * SEAM_M;
-        let is_within = |planes: &Vec<Plane>| planes.iter().all(|p| p.normal.dot(outside_m) <= p.offset_m);
-        let covered = self.parts.iter().enumerate().any(|(other, planes)| other != part && is_within(planes));
+        let is_within =
+            |part: &LinedPart| part.planes.iter().all(|plane| plane.normal.dot(outside_m) <= plane.offset_m);
+        let covered = self.parts.iter().enumerate().any(|(other, own)| other != part && is_within(own));
         (!covered).then_some(SurfacePoint { at_m, normal })
     }
 
@@ -74,7 +76,7 @@ impl Surface {
     /// a wall, and behind a hollow again.
     pub(super) fn across(&self, from_m: Vec3, inwards: Vec3) -> Vec<SurfacePoint> {
         let mut inside: Vec<Within> =
-            self.parts.iter().filter_map(|planes| within(planes, from_m, inwards)).filter(|w| w.exit_m > 0.0).collect();
+            self.parts.iter().filter_map(|part| part.within(from_m, inwards)).filter(|w| w.exit_m > 0.0).collect();
         inside.sort_by(|a, b| a.enter_m.total_cmp(&b.enter_m));
         let mut ends: Vec<(f32, Vec3)> = Vec::new();
         for part in inside {
@@ -93,8 +95,8 @@ impl Surface {
 
     /// The outward normal of the face that is nearest to a point of the surface.
     pub(super) fn normal_at(&self, at_m: Vec3) -> Vec3 {
-        let face = |planes: &Vec<Plane>| {
-            let highest = planes.iter().map(|p| (p.normal.dot(at_m) - p.offset_m, p.normal));
+        let face = |part: &LinedPart| {
+            let highest = part.planes.iter().map(|p| (p.normal.dot(at_m) - p.offset_m, p.normal));
             highest.max_by(|a, b| a.0.total_cmp(&b.0))
         };
         let nearest = self.parts.iter().filter_map(face).min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
