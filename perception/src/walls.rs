@@ -405,9 +405,14 @@ fn enclosing(ridges: &[Ridge], table_z_m: f32) -> Vec<Ridge> {
             };
             for base in ridges.iter().filter(connects) {
                 let is_across = |wall: &&Ridge| {
+                    // A heap's ridge lies across the bin, and the walls beside it go on beyond it.
+                    let side = left.side_of(base);
+                    let ends = |arm: &Ridge| arm.ends_m.iter().all(|end| (end - wall.offset_m) * side < CORNER_M);
                     wall.axis == base.axis
                         && wall.is_as_high(base, table_z_m)
-                        && (wall.offset_m - base.offset_m) * left.side_of(base) > DEPTH_M_MIN
+                        && (wall.offset_m - base.offset_m) * side > DEPTH_M_MIN
+                        && ends(left)
+                        && ends(right)
                         && wall.between_m(between) > 0.5 * width_m
                 };
                 let across = ridges.iter().filter(is_across).max_by(|a, b| a.seen_m.total_cmp(&b.seen_m));
@@ -514,6 +519,14 @@ mod tests {
         assert!((edge.bottom_m - TABLE_M - 0.19).abs() < 0.004, "{edge:?}");
         assert!(edge.is_over(at(0.1, 0.1, 0.2)) && !edge.is_over(at(0.1, -0.02, 0.2)));
         assert!(!edge.is_over(at(0.1, 0.1, 0.17)));
+    }
+
+    #[test]
+    fn a_heap_across_a_bin_is_no_wall() {
+        let heap = sheet(Vec3::new(0.12, 0.02, TABLE_M), 0.16 * Vec3::Y, 0.06 * Vec3::Z);
+        let found = walls(&bin(3, 0.1).into_iter().chain(heap).collect::<Vec<_>>(), TABLE_M);
+        let [on_heap, behind] = [0.12, 0.06].map(|x_m| Vec3::new(x_m, 0.1, TABLE_M + 0.03));
+        assert!(found.len() >= 3 && !found.iter().any(|wall| wall.has(on_heap) || wall.is_behind(behind)), "{found:?}");
     }
 
     #[test]
