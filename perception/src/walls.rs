@@ -42,6 +42,8 @@ const CORNER_M: f32 = 0.03;
 const INNER_M_MIN: f32 = 0.15;
 const DEPTH_M_MIN: f32 = 0.10;
 const LENGTH_M_MIN: f32 = 0.45;
+/// A wall's edge was seen if this share of it was.
+const EDGE_SHARE_MIN: f32 = 0.5;
 /// Least part of a wall that lies between those that it connects.
 const CONNECTED_SHARE: f32 = 0.6;
 /// A wall's points are this near to it, and on its outer side so near.
@@ -74,6 +76,8 @@ pub struct Wall {
     pub bottom_m: f32,
     /// How far it comes inwards below that edge, in metres a metre.
     pub slope: f32,
+    /// Whether most of its upper edge was seen; otherwise a board may lie there of which too little was seen.
+    pub is_seen: bool,
 }
 
 impl Wall {
@@ -104,7 +108,8 @@ impl Wall {
     }
 
     /// Whether it hangs over the table, so that a board lies behind it, of which nobody sees more from before it: an
-    /// eye sees points behind the wall through where the wall would be if it stood.
+    /// eye sees points behind the wall through where the wall would be if it stood, and if nothing of its edge was
+    /// seen, as of a thin one, none through the board.
     #[must_use]
     pub fn hangs(&self, points_m: &[Vec3], eyes_m: &[Vec3], table_z_m: f32) -> bool {
         let is_through = |eye_m: Vec3, point_m: Vec3| {
@@ -113,14 +118,37 @@ impl Wall {
             let is_below = at_m.z < self.bottom_m - OUTER_M && self.is_along(self.place_m(at_m)[1], 0.0);
             before_m < 0.0 && behind_m > OUTER_M && is_below
         };
-        let through = |eye_m: &Vec3| points_m.iter().filter(|point_m| is_through(*eye_m, **point_m)).count();
-        self.bottom_m > table_z_m + TALL_M && eyes_m.iter().map(through).sum::<usize>() >= THROUGH_MIN
+        let is_through_board = |eye_m: Vec3, point_m: Vec3| {
+            let [above_m, below_m] = [eye_m.z - self.bottom_m, self.bottom_m - point_m.z];
+            let [in_m, along_m] = self.place_m(eye_m.lerp(point_m, above_m / (above_m + below_m)));
+            let is_in = (OUTER_M..DEPTH_M_MIN).contains(&in_m) && self.is_along(along_m, -OUTER_M);
+            above_m > 0.0 && below_m > OUTER_M && is_in
+        };
+        let count = |is_it: &dyn Fn(Vec3, Vec3) -> bool| -> usize {
+            let seen = |eye_m: &Vec3| points_m.iter().filter(|point_m| is_it(*eye_m, **point_m)).count();
+            eyes_m.iter().map(seen).sum()
+        };
+        self.bottom_m > table_z_m + TALL_M
+            && count(&is_through) >= THROUGH_MIN
+            && (self.is_seen || count(&is_through_board) < THROUGH_MIN)
+    }
+
+    /// Whether it is but an open side, between walls of this height.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.bottom_m >= self.top_m
+    }
+
+    /// Whether a point is no lower than the wall's lower edge.
+    #[must_use]
+    pub fn is_level_with(&self, point_m: Vec3) -> bool {
+        point_m.z > self.bottom_m - WALL_M
     }
 
     /// Whether a point is where the board is, or over it, behind this edge.
     #[must_use]
     pub fn is_over(&self, point_m: Vec3) -> bool {
-        point_m.z > self.bottom_m - WALL_M && self.place_m(point_m)[0] > 0.0
+        self.is_level_with(point_m) && self.place_m(point_m)[0] > 0.0
     }
 }
 
@@ -154,13 +182,23 @@ pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
         all.iter().sum::<f32>() / all.len() as f32
     };
     let inside = [middle(0), middle(1)];
+    let wall = |side: &Ridge| side.wall(axes, inside[side.axis], &above_m, table_z_m);
+    let (seen, ends): (Vec<Ridge>, Vec<Ridge>) = sides.iter().partition(|side| side.cells > 0);
+    let mut walls: Vec<Wall> = seen.iter().map(|side| Wall { is_seen: true, ..wall(side) }).collect();
+    let lowest_m = walls.iter().fold(f32::INFINITY, |lowest_m, wall| lowest_m.min(wall.top_m));
     let of = |side: &Ridge| {
-        let wall = side.wall(axes, inside[side.axis], &above_m);
+        let wall = wall(side);
         let top_m = wall.top_m.min(table_z_m + TALL_M);
         let is_alike = (top_m - side.top_m).abs() < height_off_m(side.top_m - table_z_m);
-        (side.cells > 0 || is_alike).then_some(wall)
+        match (is_alike, !wall.is_seen && lowest_m > table_z_m + TALL_M) {
+            (_, false) => is_alike.then_some(Wall { is_seen: true, ..wall }),
+            // Walls that stand open in front may carry a board.
+            (true, true) => Some(Wall { bottom_m: lowest_m.min(wall.top_m) - CELL_M, ..wall }),
+            (false, true) => Some(Wall { bottom_m: lowest_m, top_m: lowest_m, ..wall }),
+        }
     };
-    sides.iter().filter_map(of).collect()
+    walls.extend(ends.iter().filter_map(of));
+    walls
 }
 
 /// The highest point of each cell.
@@ -339,15 +377,16 @@ impl Ridge {
     }
 
     /// The wall whose upper edge it is. `inside_m` is an offset in the container.
-    fn wall(&self, axes: [Vec2; 2], inside_m: f32, points_m: &[Vec3]) -> Wall {
+    fn wall(&self, axes: [Vec2; 2], inside_m: f32, points_m: &[Vec3], table_z_m: f32) -> Wall {
         let sign = if inside_m < self.offset_m { -1.0 } else { 1.0 };
         let inward = sign * axes[self.axis];
         // The other direction is to the left of the first, and to the right of the second.
         let turn = sign * if self.axis == 0 { 1.0 } else { -1.0 };
         let mut ends_m = self.ends_m.map(|end| turn * end);
         ends_m.sort_unstable_by(f32::total_cmp);
-        let mut wall =
-            Wall { inward, offset_m: sign * self.offset_m, ends_m, top_m: f32::MAX, bottom_m: f32::MIN, slope: 0.0 };
+        let offset_m = sign * self.offset_m;
+        let (top_m, bottom_m, slope, is_seen) = (f32::MAX, f32::MIN, 0.0, true);
+        let mut wall = Wall { inward, offset_m, ends_m, top_m, bottom_m, slope, is_seen };
         let edge: Vec<&Vec3> = points_m.iter().filter(|point| wall.has(**point)).collect();
         let (from_m, steps) = (ends_m[0] - WALL_M, ((ends_m[1] - ends_m[0] + 2.0 * WALL_M) / STEP_M) as usize + 1);
         let mut columns = vec![Vec::new(); steps];
@@ -356,6 +395,8 @@ impl Ridge {
             columns[step.min(steps - 1)].push(point.z);
         }
         let spans: Vec<[f32; 2]> = columns.iter_mut().filter_map(|heights_m| upper_run(heights_m)).collect();
+        let least_m = self.top_m - height_off_m(self.top_m - table_z_m);
+        wall.is_seen = spans.iter().filter(|span| span[1] > least_m).count() as f32 >= EDGE_SHARE_MIN * steps as f32;
         let middle = |end: usize| median(spans.iter().map(|span| span[end]));
         wall.bottom_m = middle(0).unwrap_or(self.top_m);
         wall.top_m = middle(1).unwrap_or(self.top_m);
@@ -509,7 +550,10 @@ mod tests {
         let hanging = |points: &[Vec3], eye: Vec3| -> Vec<Wall> {
             walls(points, TABLE_M).into_iter().filter(|wall| wall.hangs(points, &[eye], TABLE_M)).collect()
         };
-        assert_eq!(hanging(&stands, before), []);
+        // Whether a thin one lies on three walls is seen from where an eye would look through it.
+        assert_eq!(hanging(&stands, before).len(), 1);
+        let high = at(0.12, -0.3, 0.5);
+        assert_eq!((hanging(&stands, high), hanging(&stands, above)), (vec![], vec![]));
         let edge = sheet(at(0.0, 0.0, 0.19), 0.25 * Vec3::X, 0.02 * Vec3::Z);
         let found: Vec<Vec3> = stands.into_iter().chain(edge).collect();
         // From above it may as well be the rim of a wall whose inside nobody sees.

@@ -213,17 +213,21 @@ pub(crate) struct Walls {
 impl Walls {
     /// Those among the points of a surface that cameras saw.
     pub(crate) fn among(points_m: &[Vec3], views: &[View], table_z_m: f32) -> Self {
-        let walls = walls(points_m, table_z_m);
+        let mut walls = walls(points_m, table_z_m);
         if walls.is_empty() {
             return Self::default();
         }
         let eyes_m: Vec<Vec3> = views.iter().map(|view| view.camera.workspace_from_camera.translation).collect();
         let board = walls.iter().copied().find(|wall| wall.hangs(points_m, &eyes_m, table_z_m));
         let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
-        let (walls_m, mut things_m): (Vec<Vec3>, Vec<Vec3>) =
-            off_table.partition(|at| walls.iter().any(|wall| wall.has(*at)));
-        let is_out = |at: &Vec3| walls.iter().any(|wall| Some(wall) != board.as_ref() && wall.is_behind(*at));
-        things_m.retain(|at| !is_out(at));
+        walls.retain(|wall| !wall.is_open() && Some(wall) != board.as_ref());
+        let is_wall = |at: &Vec3| {
+            // Below a board's edge are things.
+            let is_edge = board.as_ref().is_some_and(|edge| edge.has(*at) && edge.is_level_with(*at));
+            is_edge || walls.iter().any(|wall| wall.has(*at))
+        };
+        let (walls_m, mut things_m): (Vec<Vec3>, Vec<Vec3>) = off_table.partition(is_wall);
+        things_m.retain(|at| !walls.iter().any(|wall| wall.is_behind(*at)));
         Self { things_m, walls_m, board }
     }
 }
