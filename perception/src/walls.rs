@@ -145,6 +145,18 @@ impl Wall {
         point_m.z > self.bottom_m - WALL_M
     }
 
+    /// Points all over the inner side of a wall that stands on a table.
+    pub fn face_m(&self, table_z_m: f32) -> impl Iterator<Item = Vec3> + '_ {
+        let [along, up] = [self.ends_m[1] - self.ends_m[0], self.top_m - table_z_m];
+        let [columns, rows] = [along, up].map(|side_m| (side_m / CELL_M).max(0.0) as usize);
+        (0..columns * rows).map(move |cell| {
+            let along_m = self.ends_m[0] + ((cell / rows) as f32 + 0.5) * CELL_M;
+            let below_m = ((cell % rows) as f32 + 0.5) * CELL_M;
+            let at = (self.offset_m + self.slope * below_m) * self.inward + along_m * self.inward.perp();
+            at.extend(self.top_m - below_m)
+        })
+    }
+
     /// Whether a point is where the board is, or over it, behind this edge.
     #[must_use]
     pub fn is_over(&self, point_m: Vec3) -> bool {

@@ -21,6 +21,8 @@ const TABLE_M: f32 = 0.004;
 /// A hand leaves as it came, over this distance, and hits a wall if it meets more of its points: they are noisy.
 const WAY_OUT_M: f32 = 0.1;
 const WALL_POINTS_MAX: usize = 5;
+/// What is further from all that was seen of a wall is a part of it that things hide.
+const FACE_M: f32 = 0.008;
 /// Hands are proposed about no more points than this.
 const ABOUT_MAX: usize = 400;
 /// What is between the fingers reaches this far beyond the tips and beside the fingers.
@@ -226,8 +228,12 @@ impl Walls {
             let is_edge = board.as_ref().is_some_and(|edge| edge.has(*at) && edge.is_level_with(*at));
             is_edge || walls.iter().any(|wall| wall.has(*at))
         };
-        let (walls_m, mut things_m): (Vec<Vec3>, Vec<Vec3>) = off_table.partition(is_wall);
+        let (mut walls_m, mut things_m): (Vec<Vec3>, Vec<Vec3>) = off_table.partition(is_wall);
         things_m.retain(|at| !walls.iter().any(|wall| wall.is_behind(*at)));
+        // Things hide parts of walls.
+        let faces_m: Vec<Vec3> = walls.iter().flat_map(|wall| wall.face_m(table_z_m)).collect();
+        let is_shown = near(&faces_m, &walls_m, FACE_M);
+        walls_m.extend(faces_m.iter().zip(is_shown).filter(|(_, is_shown)| !is_shown).map(|(at, _)| *at));
         Self { things_m, walls_m, board }
     }
 }
