@@ -45,17 +45,32 @@ impl Method for JudgeMethod {
         let mut stream = Stream::new(config.seed, scene, Purpose::Proposals, 0);
         // As it is offered: of a hand and its half turn the one nearer to the wrist.
         let wrist = options.wrist();
-        let are_wanted = |hands: &[Grasp]| {
-            let offered = |hand: &Grasp| towards_wrist(&hand.workspace_from_grasp, wrist);
-            let broken = limiter.broken(&hands.iter().map(offered).collect::<Vec<_>>());
-            broken.iter().map(Option::is_none).collect()
-        };
-        let about_m = limiter.about_m();
-        let centred = |hand: &Grasp| widths.centred(hand);
-        let (judged, proposed) = timed(timings_ms, "judge", || {
-            let JudgeParams { proposals, asked, apart_m, .. } = config.judge;
-            let counts = [proposals, asked.unwrap_or(proposals)];
+        let failed_m: Vec<Vec3> = options.avoid.iter().map(|failed| failed.translation).collect();
+        let (about_m, centred) = (limiter.about_m(), |hand: &Grasp| widths.centred(hand));
+        let JudgeParams { proposals, asked, apart_m, .. } = config.judge;
+        let counts = [proposals, asked.unwrap_or(proposals)];
+        // Hands whose tips are nearer to each other than this close on the same thing: it is no wider than they open.
+        let other_m = 0.5 * config.gripper.opening_m_max;
+        let mut ask = |off_m: &[Vec3]| {
+            let are_wanted = |hands: &[Grasp]| {
+                let offered = |hand: &Grasp| towards_wrist(&hand.workspace_from_grasp, wrist);
+                let broken = limiter.broken(&hands.iter().map(offered).collect::<Vec<_>>());
+                let is_off = |hand: &Grasp| {
+                    let tips_m = hand.workspace_from_grasp.translation;
+                    off_m.iter().all(|failed_m| (tips_m - *failed_m).length() > other_m)
+                };
+                hands.iter().zip(broken).map(|(hand, broken)| broken.is_none() && is_off(hand)).collect()
+            };
             self.judge.scored_grasps(seen, (counts, apart_m), &mut stream, (&about_m, &are_wanted), &centred)
+        };
+        let epsilon = config.detection.quality_min;
+        let (judged, proposed) = timed(timings_ms, "judge", || {
+            // In a container the next hand is for another thing, if there is one: this one is heavy, slippery, or held
+            // by what nobody sees, and a second hand on it likely fails, too.
+            let off_m = if limiter.is_in_container() { &failed_m[..] } else { &[] };
+            let others = ask(off_m);
+            let is_enough = off_m.is_empty() || others.0.first().is_some_and(|best| best.quality() >= epsilon);
+            if is_enough { others } else { ask(&[]) }
         });
         selected(&judged, proposed, request)
     }

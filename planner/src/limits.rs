@@ -95,6 +95,11 @@ impl<'a> Limiter<'a> {
         wanted_m.iter().copied().step_by(wanted_m.len() / ABOUT_MAX + 1).collect()
     }
 
+    /// Whether walls of a container were found.
+    pub(crate) fn is_in_container(&self) -> bool {
+        !self.walls.walls_m.is_empty()
+    }
+
     /// Of each grasp the first limit that it breaks. The caller is asked once, about all that break no other.
     pub(crate) fn broken(&self, workspace_from_grasps: &[Pose]) -> Vec<Option<Limit>> {
         let mut broken: Vec<Option<Limit>> =
