@@ -314,6 +314,29 @@ mod tests {
     }
 
     #[test]
+    fn a_hand_that_touches_a_wall_is_refused_and_one_beside_it_is_not() {
+        let (gripper, limits) = (BuiltIn::Judge.config().unwrap().gripper, Limits::default());
+        let down = Pose::from_parts(Vec3::new(0.1, 0.2, 0.08), WRIST_DOWN);
+        // Points from the fingers up to the palm, which is 120 mm broad along y.
+        let wall = |y_m: f32| -> Vec<Vec3> {
+            let at = |n: u8| Vec3::new(0.05 + 0.004 * f32::from(n % 25), y_m, 0.1 + 0.008 * f32::from(n / 25));
+            (0..250).map(at).collect()
+        };
+        let thing_m = vec![Vec3::new(0.1, 0.2, 0.09)];
+        let found = |things_m: &[Vec3], walls_m: Vec<Vec3>| {
+            let walls = Walls { things_m: things_m.to_vec(), walls_m, board: None };
+            let limiter = Limiter::new(&limits, &gripper, 0.05, (None, walls), &|_| true, &everything);
+            (limiter.broken(&[down])[0], limiter.rejections())
+        };
+        assert_eq!(found(&thing_m, wall(0.265)), (None, None));
+        let refused = (Some(Limit::Walls), Some("1 by walls".to_owned()));
+        assert_eq!(found(&thing_m, wall(0.255)), refused, "the palm touches it");
+        assert_eq!(found(&thing_m, wall(0.22)), refused, "it is between the fingers");
+        assert_eq!(found(&[], wall(0.265)), refused, "it closes on nothing");
+        assert_eq!(found(&[], Vec::new()), (None, None), "there is no container");
+    }
+
+    #[test]
     fn a_hand_holds_the_target_if_most_between_its_fingers_is_of_it() {
         let gripper = BuiltIn::Judge.config().unwrap().gripper;
         let target = Target::Point(Vec3::ZERO);
