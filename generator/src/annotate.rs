@@ -4,6 +4,7 @@
 //! A set is a pure function of the object and the settings. Grasps are numbered, and each is tried on its own, so
 //! neither threads nor an interruption change anything.
 
+mod bearing;
 mod draw;
 mod objects;
 mod params;
@@ -12,15 +13,12 @@ mod replay;
 mod stable;
 mod surface;
 
-use core::f32::consts::PI;
-
 use rayon::prelude::*;
-use schema::{
-    GraspSource, GripTest, Gripper, Margins, ObjectGrasp, ObjectGrasps, Outcome, Physics, Pose, Procedure, Purpose,
-    StablePose, Stream, Vec3,
-};
-use simulator::{FloatingWorld, Grip, Hold, Load, Motion, Shake};
+use schema::{GraspSource, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream, Vec3};
+use simulator::{FloatingWorld, Grip, Hold, Load, Motion};
 
+use self::bearing::{G_M_S2, HOLD, loads, sides};
+pub use self::bearing::{PHYSICS, PROCEDURE};
 use self::draw::{Draw, Supply};
 pub use self::params::{AnnotateParams, Annotated, GraspShares};
 pub use self::replay::grasp_replays;
@@ -34,14 +32,9 @@ const CHUNK: usize = 1_024;
 /// Points that measure what is covered, and how near a contact must be.
 const COVERAGE_NUMBERS: u64 = 2_000;
 const COVERED_M: f32 = 0.01;
-/// Standard gravity, in m/s².
-const G_M_S2: f32 = 9.806_65;
-/// An object is held if it stays so near to where it was gripped: half a lift, as in scenes.
-const HOLD: Hold = Hold { moved_m_max: 0.05, turned_rad_max: PI };
 /// A grip gives way when the object moves further.
 const TIGHT: Hold = Hold { moved_m_max: 0.001, turned_rad_max: 0.05 };
 /// How long a pull lasts, in seconds.
-const LIFT_S: f32 = 0.25;
 const MARGIN_S: f32 = 0.125;
 /// Pulls between which the strongest is looked for, in g, by so many halvings: within 3 %.
 const TUG_G: [f32; 2] = [0.125, 64.0];
@@ -116,11 +109,6 @@ struct Bench<'a> {
     /// Of a contact between finger and object.
     friction: f32,
 }
-
-/// The settings of every floating world. Walls of cups are thinner than the 2 mm at which jaws have met in scenes.
-pub static PHYSICS: Physics = Physics::STANDARD;
-/// See [`PHYSICS`].
-pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0005, ..Procedure::PAPER };
 
 impl<'a> Bench<'a> {
     fn new(annotated: &'a Annotated, params: &'a AnnotateParams) -> Self {
@@ -301,36 +289,9 @@ fn pair(motion: Motion) -> (f32, f32) {
     (motion.moved_m, motion.turned_rad)
 }
 
-/// The six directions of the hand's axes, out of the hand first.
-fn sides() -> [Vec3; 6] {
-    [Vec3::Z, Vec3::X, -Vec3::X, -Vec3::Z, Vec3::Y, -Vec3::Y]
-}
-
-/// What the test puts a grip to.
-fn loads(test: GripTest, gripper: &Gripper) -> Vec<Load> {
-    let pull = |direction: Vec3, time_s: f32| Load::Pull { acceleration_m_s2: direction.normalize() * G_M_S2, time_s };
-    match test {
-        GripTest::Lift => vec![pull(Vec3::Z, LIFT_S)],
-        GripTest::Turn => sides().map(|direction| pull(direction, LIFT_S)).to_vec(),
-        GripTest::Tug => [[0.0, 0.0], [2.0, 0.0], [-2.0, 0.0], [0.0, 2.0], [0.0, -2.0]]
-            .map(|[x, y]| pull(Vec3::new(x, y, 1.0), 0.5))
-            .to_vec(),
-        GripTest::Shake => {
-            let base_m = gripper.finger_length_m + gripper.palm_length_m;
-            vec![Load::Shake(Shake {
-                way_m: Vec3::Z * 0.08,
-                turn_rad: Vec3::Y,
-                pivot_m: Vec3::Z * -base_m,
-                rate_hz: 2.0,
-                cycles: 2.0,
-            })]
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use core::f32::consts::FRAC_PI_2;
+    use core::f32::consts::{FRAC_PI_2, PI};
 
     use rayon::ThreadPoolBuilder;
     use schema::{ShapeKind, Solid, axis_angle};

@@ -148,7 +148,7 @@ fn values(scene: &SceneRows, attempt: &AttemptRecord) -> [String; FACETS.len()] 
     ]
 }
 
-/// The attempts by their properties while scenes, or objects, are added; choices are those that were met, in that order.
+/// The attempts by their properties while scenes, or objects, are added; choices are those that were met, in order.
 pub(crate) struct Lists {
     facets: &'static [(&'static str, &'static [&'static str])],
     choices: Vec<Vec<String>>,

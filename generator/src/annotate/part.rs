@@ -6,13 +6,13 @@ use wide::f32x8;
 use crate::normals::Within;
 
 const LANES: usize = 8;
-/// No plane's number.
+/// No plane's number, below all.
 const NONE: f32 = -1.0;
 
 /// The planes of a convex part, and a ball about it.
 pub(super) struct LinedPart {
     pub(super) planes: Vec<Plane>,
-    /// The normals' x, y and z and the offsets of eight planes each; the last ones are filled up with what has no sides.
+    /// The normals' x, y and z and the offsets of eight planes each; the last are filled up with what has no sides.
     lanes: Vec<[f32x8; 4]>,
     middle_m: Vec3,
     radius_m: f32,
@@ -68,14 +68,14 @@ impl LinedPart {
                 enter_m[lane] > enter_m[other]
                     || (enter_m[lane] == enter_m[other] && place(&enters, lane) < place(&enters, other))
             };
-            if enters[lane] != NONE && first.is_none_or(is_first) {
+            if enters[lane] >= 0.0 && first.is_none_or(is_first) {
                 first = Some(lane);
             }
             let is_last = |other: usize| {
                 exit_m[lane] < exit_m[other]
                     || (exit_m[lane] == exit_m[other] && place(&exits, lane) < place(&exits, other))
             };
-            if exits[lane] != NONE && last.is_none_or(is_last) {
+            if exits[lane] >= 0.0 && last.is_none_or(is_last) {
                 last = Some(lane);
             }
         }
@@ -106,7 +106,7 @@ mod tests {
             let body: Body = Solid::new(kind, extents_m).unwrap().into();
             let polyhedra = body.polyhedra();
             let polyhedron: &Polyhedron = &polyhedra[0];
-            let part = LinedPart::new(polyhedron.planes().collect(), &polyhedron.corners_m());
+            let part = LinedPart::new(polyhedron.planes().collect(), polyhedron.corners_m());
             let (mut hits, count) = (0, 20_000);
             for number in 0..count {
                 let at_m = stream.point(Vec3::splat(-0.06), Vec3::splat(0.06));

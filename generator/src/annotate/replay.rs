@@ -7,7 +7,7 @@ use report::view::{Body as Shown, Class, EventKind, Line, View, flat, flat_point
 use schema::{Model, ModelPart, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
 use simulator::{Body, FloatingWorld, Load};
 
-use super::{G_M_S2, HOLD, PHYSICS, PROCEDURE, loads};
+use super::bearing::{G_M_S2, HOLD, PHYSICS, PROCEDURE, loads};
 use crate::recorder::{Recorder, describe_outcome};
 use crate::replay::{describe_obstruction, hand, still, swept};
 

@@ -53,7 +53,7 @@ impl Surface {
         });
         Self {
             areas_m2: areas_m2.collect(),
-            parts: polyhedra.iter().map(|p| LinedPart::new(p.planes().collect(), &p.corners_m())).collect(),
+            parts: polyhedra.iter().map(|p| LinedPart::new(p.planes().collect(), p.corners_m())).collect(),
             triangles,
         }
     }

@@ -217,7 +217,16 @@ mod tests {
         assert_eq!(grasp_sets(place.path()).unwrap(), ["cube"]);
         let read = read_grasp_set(place.path(), "cube").unwrap();
         assert_eq!(read.grasps, set.grasps);
-        assert_eq!((grasps_info(&read).to_string(), table(&read).unwrap()), (info.clone(), table(&set).unwrap()));
+        assert_eq!(table(&read).unwrap(), table(&set).unwrap());
+        // A hull that is made again may have its corners in another order.
+        let without_parts = |set: &ObjectGrasps| {
+            let mut info = grasps_info(set);
+            let parts = info.as_object_mut().unwrap().remove("parts_m").unwrap();
+            let mut corners: Vec<String> = parts[0].as_array().unwrap().iter().map(ToString::to_string).collect();
+            corners.sort();
+            (info, corners)
+        };
+        assert_eq!(without_parts(&read), without_parts(&set));
         for (from, to, said) in [
             ("\"tug\"", "\"pull\"", "test"),
             ("\"mass_kg\":", "\"mass\":", "mass_kg"),

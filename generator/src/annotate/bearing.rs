@@ -1,0 +1,45 @@
+//! The law by which an object alone is gripped, and what a grip is put to.
+
+use core::f32::consts::PI;
+
+use schema::{GripTest, Gripper, Physics, Procedure, Vec3};
+use simulator::{Hold, Load, Shake};
+
+/// Standard gravity, in m/s².
+pub(super) const G_M_S2: f32 = 9.806_65;
+/// An object is held if it stays so near to where it was gripped: half a lift, as in scenes.
+pub(super) const HOLD: Hold = Hold { moved_m_max: 0.05, turned_rad_max: PI };
+/// How long a pull of a lift lasts, in seconds.
+const LIFT_S: f32 = 0.25;
+
+/// The settings of every floating world. Walls of cups are thinner than the 2 mm at which jaws have met in scenes.
+pub static PHYSICS: Physics = Physics::STANDARD;
+/// See [`PHYSICS`].
+pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0005, ..Procedure::PAPER };
+
+/// The six directions of the hand's axes, out of the hand first.
+pub(super) fn sides() -> [Vec3; 6] {
+    [Vec3::Z, Vec3::X, -Vec3::X, -Vec3::Z, Vec3::Y, -Vec3::Y]
+}
+
+/// What the test puts a grip to.
+pub(super) fn loads(test: GripTest, gripper: &Gripper) -> Vec<Load> {
+    let pull = |direction: Vec3, time_s: f32| Load::Pull { acceleration_m_s2: direction.normalize() * G_M_S2, time_s };
+    match test {
+        GripTest::Lift => vec![pull(Vec3::Z, LIFT_S)],
+        GripTest::Turn => sides().map(|direction| pull(direction, LIFT_S)).to_vec(),
+        GripTest::Tug => [[0.0, 0.0], [2.0, 0.0], [-2.0, 0.0], [0.0, 2.0], [0.0, -2.0]]
+            .map(|[x, y]| pull(Vec3::new(x, y, 1.0), 0.5))
+            .to_vec(),
+        GripTest::Shake => {
+            let base_m = gripper.finger_length_m + gripper.palm_length_m;
+            vec![Load::Shake(Shake {
+                way_m: Vec3::Z * 0.08,
+                turn_rad: Vec3::Y,
+                pivot_m: Vec3::Z * -base_m,
+                rate_hz: 2.0,
+                cycles: 2.0,
+            })]
+        }
+    }
+}
