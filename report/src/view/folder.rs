@@ -1,6 +1,6 @@
 //! A folder of pages that lead to each other: all scenes, or all objects of a set of grasps, and a page for each, which
-//! holds the replays of its attempts. They share their style and scripts, which are files of the folder; nothing else is
-//! asked for, so a browser opens it from a disk.
+//! holds the replays of its attempts. They share their style and scripts, which are files of the folder; nothing else
+//! is asked for, so a browser opens it from a disk.
 
 use std::io::Write;
 
