@@ -11,6 +11,7 @@ __all__ = [
     "Dataset",
     "Experiment",
     "Generation",
+    "KeptScene",
     "Plan",
     "Planner",
     "Planning",

@@ -67,8 +67,8 @@ def test_the_judge_in_onnx_says_what_the_planner_says(folder):
     # The half turn is the hand mirrored in both, so the mean is the same for the two, and only the mean.
     assert np.abs(means[0] - means[1]).max() < 2e-4
     assert np.abs(singles[0] - singles[1]).max() > 1e-3
-    # Hands near better ones are left out of a plan, so one of its first ten is among those that were asked once.
-    assert (apart_mean[:10] < 2e-4).sum() >= 9 and apart_mean[:5].max() < 2e-4, apart_mean
+    # Six hands are asked about in all images; another, asked about once, may come before the last of them.
+    assert (apart_mean[:10] < 2e-4).sum() >= 6 and apart_mean[:3].max() < 2e-4, apart_mean
 
 
 def test_an_export_says_what_it_was_trained_for(folder):

@@ -20,11 +20,15 @@ const ROWS: [(&str, &str); 4] = [
     ("wide-table.toml", include_str!("../../../configs/experiment/wide-table.toml")),
 ];
 
+/// Images of the camera that moves, in a bench without a file.
+const IMAGES: u32 = 6;
+
 /// Time plans of an experiment's first looks, one after the other
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
-    /// Experiments, as in configs/experiment [default: pile, giga-pile, giga-packed and wide-table]
+    /// Experiments, as in configs/experiment [default: pile, giga-pile, giga-packed, wide-table, and giga-pile by a camera
+    /// that moves, with the noise of a D435]
     configs: Vec<PathBuf>,
 
     /// A key of the experiments or, as plan.KEY, of the planner's settings, in place of the file's; may be repeated
@@ -39,7 +43,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
 
-    /// Time the next plans of a camera that moves, which takes so many images of each scene
+    /// Time the plans of a camera that moves, from its second image on, of so many images of each scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1000))]
     images: Option<u32>,
 
@@ -49,18 +53,17 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let configs = configs(arguments)?;
     let threads = arguments.threads.map_or_else(cores, usize::from);
     let pool = thread_pool(threads)?;
-    let looks = arguments.images.map_or(Looks::First, Looks::Next);
-    for config in &configs {
+    for (config, looks) in rows(arguments)? {
         let planner = config.planner()?;
-        let times = pool.install(|| time_plans(config, &planner, arguments.plans as usize, looks))?;
+        let times = pool.install(|| time_plans(&config, &planner, arguments.plans as usize, looks))?;
         let Some(Percentiles { p50, p90, .. }) = times.plan_ms else { continue };
         let stages = times.stages_ms.iter().filter_map(|(stage, ms)| Some(format!("{stage} {:.1}", ms.as_ref()?.p50)));
         print(format_args!(
-            "{}: {} plans on {threads} threads: median {p50:.1} ms, nine of ten {p90:.1} ms ({})\n",
+            "{}{}: {} plans on {threads} threads: median {p50:.1} ms, nine of ten {p90:.1} ms ({})\n",
             config.keys.protocol,
+            if looks == Looks::First { "" } else { ", next image" },
             arguments.plans,
             stages.collect::<Vec<_>>().join(", "),
         ))?;
@@ -68,12 +71,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::Ok)
 }
 
-fn configs(arguments: &Arguments) -> Result<Vec<Config>, Failure> {
-    let Arguments { configs, set, seed, .. } = arguments;
+/// The experiments, and which looks are timed.
+fn rows(arguments: &Arguments) -> Result<Vec<(Config, Looks)>, Failure> {
+    let Arguments { configs, set, seed, images, .. } = arguments;
+    let looks = images.map_or(Looks::First, Looks::Next);
     if !configs.is_empty() {
-        return configs.iter().map(|file| config(file, set, None, *seed)).collect();
+        return configs.iter().map(|file| Ok((config(file, set, None, *seed)?, looks))).collect();
     }
-    let set = overrides(set, None, *seed);
-    let built_in = |(name, text): (&str, &str)| Ok(Config::resolve(Document::parse(text, Path::new(name))?, &set)?);
-    ROWS.into_iter().map(built_in).collect()
+    let own = overrides(set, None, *seed);
+    let built_in =
+        |name: &str, text: &str, set: &[(String, String)], looks: Looks| -> Result<(Config, Looks), Failure> {
+            Ok((Config::resolve(Document::parse(text, Path::new(name))?, set)?, looks))
+        };
+    let mut rows =
+        ROWS.iter().map(|(name, text)| built_in(name, text, &own, looks)).collect::<Result<Vec<_>, Failure>>()?;
+    // What a camera at a wrist sees.
+    if images.is_none() {
+        let noise = [("noise.kind".to_owned(), "\"d435\"".to_owned())];
+        rows.push(built_in(ROWS[1].0, ROWS[1].1, &[&noise, own.as_slice()].concat(), Looks::Next(IMAGES))?);
+    }
+    Ok(rows)
 }
