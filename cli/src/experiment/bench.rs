@@ -27,8 +27,8 @@ const IMAGES: u32 = 6;
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
-    /// Experiments, as in configs/experiment [default: pile, giga-pile, giga-packed, wide-table, and giga-pile by a camera
-    /// that moves, with the noise of a D435]
+    /// Experiments, as in configs/experiment [default: pile, giga-pile, giga-packed, wide-table, and giga-pile by a
+    /// camera that moves, with the noise of a D435]
     configs: Vec<PathBuf>,
 
     /// A key of the experiments or, as plan.KEY, of the planner's settings, in place of the file's; may be repeated
