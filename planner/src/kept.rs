@@ -147,7 +147,8 @@ impl Planner {
         if scene.views.is_empty() {
             return refuse("an image must be observed before a plan, got none");
         }
-        let (mut timings_ms, mut warnings) = (Vec::new(), take(&mut scene.warnings));
+        let (mut timings_ms, mut warnings) = (Vec::new(), Vec::from_iter(self.warning.clone()));
+        warnings.append(&mut scene.warnings);
         let seen_from;
         let options = match &options.find_table {
             None => {

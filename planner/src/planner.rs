@@ -69,7 +69,7 @@ pub struct Planner {
     /// The workspace that the network was trained in: that of requests that want no other.
     pub grid: Grid,
     /// A warning for every plan.
-    warning: Option<String>,
+    pub(crate) warning: Option<String>,
 }
 
 /// A planner, and beside it those that come with the program, for requests that name one; each is made when it is first
