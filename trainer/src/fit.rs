@@ -202,7 +202,7 @@ fn can_begin_with(from: &Architecture, own: &Architecture) -> bool {
 pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Device) -> Result<Architecture, Failure> {
     let hands: Vec<Gripper> = hands_of(datasets).cloned().collect();
     let info = datasets[0].info();
-    let robustness = datasets.iter().any(|dataset| dataset.info().has_repeats());
+    let robustness = datasets.iter().any(|dataset| dataset.info().repeats_some());
     let scope = Scope::of(&hands, info.procedure.pregrasp_distance_m, info.grid, robustness);
     match config.network.kind {
         Kind::Voxel if scope.hands.is_some() => {

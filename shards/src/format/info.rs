@@ -183,6 +183,13 @@ impl DatasetInfo {
         self.config.get("robustness").is_some()
     }
 
+    /// Whether attempts of some scenes were repeated.
+    #[must_use]
+    pub fn repeats_some(&self) -> bool {
+        let share = self.config.get("robustness").and_then(|robustness| robustness.get("share"));
+        share.and_then(Value::as_f64).is_some_and(|share| share > 0.0)
+    }
+
     /// The values out of range, one message each.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
@@ -381,6 +388,16 @@ mod tests {
                 "config.views.counts must be a range [low, high] within [1, 100], got [0, 6]",
             ]
         );
+    }
+
+    #[test]
+    fn a_share_of_none_of_the_scenes_repeats_nothing() {
+        let repeats = |config: Value| {
+            let info = DatasetInfo { config, ..synthetic::info(7, 3, 100, 12) };
+            [info.has_repeats(), info.repeats_some()]
+        };
+        let share = |share: f64| repeats(serde_json::json!({ "robustness": { "share": share } }));
+        assert_eq!([repeats(serde_json::json!({})), share(0.0), share(0.1)], [[false; 2], [true, false], [true; 2]]);
     }
 
     #[test]
