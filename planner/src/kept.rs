@@ -99,7 +99,11 @@ impl KeptScene {
                 kept
             }
             None => {
-                let lattice = grown(&region.lattice, &region.lattice);
+                let lattice = match workspace {
+                    // A network of voxels answers for its own grid.
+                    Workspace::Cube(_) => region.lattice,
+                    Workspace::Seen(..) => grown(&region.lattice, &region.lattice),
+                };
                 let mut fields = empty(&lattice, params);
                 fields.add(&Sights::default(), &sights, &above);
                 Fields { workspace: *workspace, region: Region { lattice, ..region }, fields, sights, above }

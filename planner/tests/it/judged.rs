@@ -234,7 +234,12 @@ fn a_network_of_voxels_says_that_it_was_trained_for_another_hand() {
     let warnings = |gripper: Option<Gripper>| {
         let paper = BuiltIn::Paper.config().unwrap();
         let planner = Planner::built_in(Config { gripper: gripper.unwrap_or(paper.gripper.clone()), ..paper }).unwrap();
-        planner.plan(&observation, &PlanOptions::default()).unwrap().warnings
+        let plan = planner.plan(&observation, &PlanOptions::default()).unwrap();
+        let (Observation::Views(views), mut scene) = (&observation, KeptScene::default()) else { panic!("images") };
+        views.iter().for_each(|view| scene.observe(view.clone()).unwrap());
+        let kept = planner.plan_kept(&mut scene, &PlanOptions::default(), &|poses| vec![true; poses.len()]).unwrap();
+        assert_eq!(kept.warnings, plan.warnings);
+        plan.warnings
     };
     assert_eq!(warnings(None), Vec::<String>::new());
     let warning = &warnings(Some(Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap()))[0];
