@@ -230,6 +230,8 @@ class Planner(Immutable):
     def observe(self, depth: ArrayLike, camera: Camera) -> KeptScene:
         """Begins a scene to which images are added one by one, as :meth:`KeptScene.observe` does.
 
+        The scene gives a plan after each image:
+
             scene = planner.observe(depth, camera)
             scene.plan()
             scene.observe(next_depth, next_camera).plan()
