@@ -6,7 +6,7 @@ use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Pose, Stream, Vec3};
 
-use crate::{AreWanted, CandidateSampler, ObservedScene, Space, kept};
+use crate::{AreWanted, Better, CandidateSampler, ObservedScene, Space, kept};
 
 /// Hands that one thread judges together.
 const TOGETHER: usize = 8;
@@ -27,9 +27,11 @@ const HOPE: f32 = 0.1;
 /// Hands about places are proposed on points of the surface that are nearer to them than this.
 const ABOUT_M: f32 = 0.01;
 /// Number of the best hands apart from each other that are looked at more closely: they are moved to where they fit
-/// better, if the judge is as sure of them there but for [`AS_SURE`], and their mirror images are judged, too.
+/// better, and their mirror images are judged, too.
 const LEADERS: usize = 6;
-const AS_SURE: f32 = 0.01;
+/// They are moved by the largest of these shares of the way where the judge is as sure of them but for this.
+const SHARES: [f32; 2] = [0.5, 1.0];
+const AS_SURE: f32 = 0.03;
 
 /// Where hands are known from an earlier look, so many times fewer are proposed and asked about.
 const KNOWN_LESS: [usize; 2] = [4, 2];
@@ -97,7 +99,7 @@ impl Judge {
     /// the number of proposals. The best are asked about again in each mirror image: a hand and its mirror image end
     /// alike, so where the answers differ their mean is nearer to the truth. Only hands that are wanted are proposed,
     /// and if `about_m` has places only near these. Hands that are known from an earlier look are asked about first.
-    /// `better` moves one of the best hands, if it knows a better place.
+    /// The best hands are moved towards a `better` place.
     #[must_use]
     pub fn scored_grasps(
         &self,
@@ -105,7 +107,7 @@ impl Judge {
         ([proposals, asked], apart_m): ([usize; 2], f32),
         stream: &mut Stream,
         (about_m, are_wanted): (&[Vec3], &AreWanted<'_>),
-        better: &(dyn Fn(&Grasp) -> Option<Grasp> + Sync),
+        better: &Better<'_>,
     ) -> (Vec<ScoredGrasp>, usize) {
         let space = Space::new(seen.field, seen.fine, seen.reach_m);
         let scene = (&space.padded, seen.views);
@@ -128,19 +130,7 @@ impl Judge {
             wanted = space.near(&hopeful_m(&judged), NEAR_M);
         }
         let (mut best, rest) = leaders(sorted(judged), apart_m);
-        let moved: Vec<Option<Grasp>> = best.par_iter().map(|judged| better(&judged.grasp)).collect();
-        let moved = moved.into_iter().enumerate().filter_map(|(place, hand)| Some((place, hand?)));
-        let moved: Vec<(usize, Grasp)> =
-            moved.filter(|(_, hand)| self.sampler.is_free(&space, &hand.workspace_from_grasp)).collect();
-        let hands: Vec<Grasp> = moved.iter().map(|(_, hand)| *hand).collect();
-        let moved = kept(&moved, &are_wanted(&hands));
-        let hands: Vec<Grasp> = moved.iter().map(|(_, hand)| *hand).collect();
-        let outcomes: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
-        for ((place, _), moved) in moved.into_iter().zip(outcomes.into_iter().flatten()) {
-            if moved.quality() >= best[place].quality() - AS_SURE {
-                best[place] = moved;
-            }
-        }
+        self.move_where_better(scene, &mut best, (are_wanted, better), &space);
         let hands: Vec<Grasp> = best.iter().map(|judged| judged.grasp).collect();
         let mirrored = [[true, false], [false, true], [true, true]];
         let again = mirrored.map(|mirrored| -> Vec<_> {
@@ -160,6 +150,35 @@ impl Judge {
         let mut all = sorted(best);
         all.extend(rest);
         (all, proposed)
+    }
+
+    /// Moves hands to where `better` finds that they fit better, as far as they are free and wanted there and the judge
+    /// is as sure of them.
+    fn move_where_better(
+        &self,
+        scene: (&PaddedGrid, usize),
+        best: &mut [ScoredGrasp],
+        (are_wanted, better): (&AreWanted<'_>, &Better<'_>),
+        space: &Space<'_>,
+    ) {
+        let steps = best.par_iter().enumerate().flat_map_iter(|(place, judged)| {
+            let there = better(&judged.grasp);
+            let hands = there.into_iter().flat_map(|there| SHARES.map(|share| part_way(&judged.grasp, &there, share)));
+            let free = hands.filter(|hand| self.sampler.is_free(space, &hand.workspace_from_grasp));
+            free.map(move |hand| (place, hand)).collect::<Vec<_>>()
+        });
+        let steps: Vec<(usize, Grasp)> = steps.collect();
+        let hands: Vec<Grasp> = steps.iter().map(|(_, hand)| *hand).collect();
+        let steps = kept(&steps, &are_wanted(&hands));
+        let hands: Vec<Grasp> = steps.iter().map(|(_, hand)| *hand).collect();
+        let judged = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &self.judge(scene, hands, [false; 2])));
+        let judged: Vec<Vec<ScoredGrasp>> = judged.collect();
+        let least: Vec<f32> = best.iter().map(|judged| judged.quality() - AS_SURE).collect();
+        for ((place, _), there) in steps.into_iter().zip(judged.into_iter().flatten()) {
+            if there.quality() >= least[place] {
+                best[place] = there;
+            }
+        }
     }
 
     /// Those of earlier hands that are free and wanted in what is seen now.
@@ -206,6 +225,14 @@ impl Judge {
         let answer = |logits| (probabilities(&logits), is_robust.then(|| robustness(&logits)));
         self.network.forward(&inputs).logits().map(answer).collect()
     }
+}
+
+/// A hand moved by a share of its way to another place, as that is turned.
+fn part_way(from: &Grasp, to: &Grasp, share: f32) -> Grasp {
+    let mut hand = *to;
+    let [from_m, to_m] = [from, to].map(|hand| hand.workspace_from_grasp.translation);
+    hand.workspace_from_grasp.translation = from_m + share * (to_m - from_m);
+    hand
 }
 
 /// Where the best hands have their tips that may hold.

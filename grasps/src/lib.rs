@@ -96,6 +96,9 @@ impl Draw {
 /// Of each of some hands whether it is wanted.
 pub type AreWanted<'a> = dyn Fn(&[Grasp]) -> Vec<bool> + 'a;
 
+/// Where a hand would fit better, if that is known: moved, and turned as it is.
+pub type Better<'a> = dyn Fn(&Grasp) -> Option<Grasp> + Sync + 'a;
+
 impl CandidateSampler {
     /// Prepares a hand that starts `pregrasp_distance_m` behind its grasp.
     #[must_use]
@@ -237,8 +240,11 @@ fn kept<T: Copy>(all: &[T], keeps: &[bool]) -> Vec<T> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use network::checkpoint;
     use perception::TRUNCATION_VOXELS;
-    use schema::{Grid, Procedure, Purpose};
+    use schema::{Grid, Pose, Procedure, Purpose};
 
     use super::*;
 
@@ -420,5 +426,37 @@ mod tests {
         let mut stream = Stream::new(1, 0, Purpose::Proposals, 0);
         assert!(CandidateSampler::new(&gripper, 0.05).sample(&empty, 10, &mut stream).is_empty());
         assert_eq!(proposed(300).1, proposed(500).1[..300]);
+    }
+
+    /// A little aside the judge is as sure of hands on a box, in the air above it is not.
+    #[test]
+    fn the_best_hands_go_to_a_better_place_if_the_judge_is_as_sure() {
+        let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
+        let weights = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/judge.safetensors");
+        let judge = Judge::new(&checkpoint::read(&weights).unwrap(), &gripper, &Grid::PAPER).unwrap();
+        let field = field();
+        let tips_m = |off_m: Option<Vec3>| -> Vec<Vec3> {
+            let seen =
+                ObservedScene { field: &field, fine: None, views: 6, reach_m: field.lattice.corners_m(), known: &[] };
+            let better = |hand: &Grasp| {
+                let pose = hand.workspace_from_grasp;
+                let moved = |off_m: Vec3| Pose { translation: pose.translation + off_m, ..pose };
+                off_m.map(|off_m| Grasp { workspace_from_grasp: moved(off_m), ..*hand })
+            };
+            let mut stream = Stream::new(1, 0, Purpose::Proposals, 0);
+            let (hands, _) = judge.scored_grasps(seen, ([256, 64], 0.01), &mut stream, (&[], &every), &better);
+            hands.iter().map(|hand| hand.grasp.workspace_from_grasp.translation).collect()
+        };
+        let as_proposed_m = tips_m(None);
+        let moved_by_m = |off_m: Vec3| -> Vec<f32> {
+            let nearest_m = |at_m: &Vec3| {
+                as_proposed_m.iter().map(|from_m| (*at_m - *from_m).length()).fold(f32::INFINITY, f32::min)
+            };
+            tips_m(Some(off_m)).iter().map(nearest_m).filter(|by_m| *by_m > 1e-6).collect()
+        };
+        let by_m = moved_by_m(Vec3::new(0.0, 0.0, 0.001));
+        assert!((1..=6).contains(&by_m.len()), "{by_m:?}");
+        assert!(by_m.iter().all(|by_m| (by_m - 0.001).abs() < 1e-5 || (by_m - 0.0005).abs() < 1e-5), "{by_m:?}");
+        assert_eq!(moved_by_m(Vec3::new(0.0, 0.0, 0.2)), [0.0; 0]);
     }
 }

@@ -22,6 +22,8 @@ BEST = 5
 WAY_M, TABLE_M = 0.05, 0.008
 #: Pixels that may be noise in the gripper, and fewest of what it closes on.
 NOISE_PX, HELD_PX = 15, 20
+#: A mug and a bowl, whose rims are thinner than this.
+HOLLOW, RIM_M = ("rs-blue-mug", "rs-green-bowl"), 0.02
 #: The only warnings that are right of these captures.
 RIGHT = ("the border of the image cuts things within reach", "only ")
 
@@ -51,7 +53,7 @@ class Capture:
         return up @ self.plane[:3] > np.cos(np.radians(1.0)) and abs(up @ on_table_m + height_m) < 0.003
 
     def judge(self, grasp, hand):
-        """Whether a grasp is clean, and how wide is what is seen between its fingers."""
+        """Whether a grasp is clean, and both ends of what is seen between its fingers, from its middle."""
         x, y, z = (np.linalg.inv(grasp.camera_from_grasp) @ np.c_[self.points_m, np.ones(len(self.points_m))].T)[:3]
         beside, half_m = abs(x) < hand.finger_width_m / 2, hand.opening_m_max / 2
         in_fingers = beside & (abs(y) > half_m) & (abs(y) < half_m + hand.finger_thickness_m) & (z < 0) & (z > -hand.finger_length_m - WAY_M)
@@ -61,26 +63,30 @@ class Capture:
         objects = np.unique(self.labels[held & (self.labels >= 2)])
         is_clean = (in_fingers | in_palm).sum() <= NOISE_PX and held.sum() >= HELD_PX and len(objects) <= 1
         low_m, high_m = np.percentile(y[held], [2, 98]) if held.sum() >= HELD_PX else (0.0, 0.0)
-        return is_clean, high_m - low_m
+        return is_clean, (low_m, high_m)
 
 
 def test_the_best_grasps_of_real_captures_are_clean():
     captures = [Capture(row) for row in json.loads((Path(FOLDER) / "captures.json").read_text())]
     hand = graspmill.Gripper.load("franka_hand")
     planner = graspmill.Planner(gripper=hand)
-    tables, offered, widths, wrong = 0, [], [], []
+    tables, offered, widths, off_rim_m, wrong = 0, [], [], [], []
     for capture in captures:
         plan = planner.plan(capture.depth_m, capture.camera)
         tables += capture.has_table(plan)
         wrong += [f"{capture.name}: {said}" for said in plan.warnings if not said.startswith(RIGHT)]
         for rank, grasp in enumerate(plan[:BEST], 1):
-            is_clean, seen_m = capture.judge(grasp, hand)
+            is_clean, (low_m, high_m) = capture.judge(grasp, hand)
             offered.append((is_clean, f"{capture.name} {rank}"))
-            widths.append((grasp.width_m, seen_m, f"{capture.name} {rank}"))
+            widths.append((grasp.width_m, high_m - low_m, f"{capture.name} {rank}"))
+            if capture.name in HOLLOW and 0 < high_m - low_m < RIM_M:
+                off_rim_m.append(abs(low_m + high_m) / 2)
     told = [(width_m > seen_m - 0.005, name) for width_m, seen_m, name in widths if width_m is not None]
     unclean, narrow = ([name for is_right, name in rows if not is_right] for rows in (offered, told))
     print(f"{tables} tables, {len(offered)} offered, not clean {unclean}, {len(told)} widths told, too narrow {narrow}")
+    print(f"{len(off_rim_m)} grasps of rims, beside their middle by a median of {1e3 * np.median(off_rim_m):.1f} mm")
     assert tables == len(captures) == 25
+    assert len(off_rim_m) >= BEST and np.median(off_rim_m) <= 0.005, off_rim_m
     assert not wrong
     assert len(offered) >= 0.95 * BEST * len(captures) and len(unclean) <= 0.02 * len(offered), unclean
     assert len(told) >= 0.7 * len(offered) and len(narrow) <= 0.02 * len(told), narrow
