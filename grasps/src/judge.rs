@@ -111,7 +111,6 @@ impl Judge {
     ) -> (Vec<ScoredGrasp>, usize) {
         let space = Space::new(seen.field, seen.fine, seen.reach_m);
         let scene = (&space.padded, seen.views);
-        let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), 0);
         let mut wanted = space.near(about_m, ABOUT_M);
         let mut known = self.still_good(&space, seen.known, are_wanted);
@@ -122,8 +121,7 @@ impl Judge {
             proposed += hands.len() + known.len();
             let mut hands = self.likeliest(scene, hands, (more_asked * asked).saturating_sub(known.len()));
             hands.append(&mut known);
-            let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
-            judged.extend(parts.into_iter().flatten());
+            judged.extend(pair(&hands, &self.judge(scene, &hands, [false; 2])));
             if hands.is_empty() || judged.iter().any(|judged| judged.quality() > SURE) {
                 break;
             }
@@ -133,10 +131,7 @@ impl Judge {
         self.move_where_better(scene, &mut best, (are_wanted, better), &space);
         let hands: Vec<Grasp> = best.iter().map(|judged| judged.grasp).collect();
         let mirrored = [[true, false], [false, true], [true, true]];
-        let again = mirrored.map(|mirrored| -> Vec<_> {
-            hands.par_chunks(TOGETHER).map(|hands| self.judge(scene, hands, mirrored)).collect::<Vec<_>>().concat()
-        });
-        for outcomes in again {
+        for outcomes in mirrored.map(|mirrored| self.judge(scene, &hands, mirrored)) {
             for (judged, (outcomes, robustness)) in best.iter_mut().zip(outcomes) {
                 judged.outcomes.iter_mut().zip(outcomes).for_each(|(sum, outcome)| *sum += outcome);
                 judged.robustness = judged.robustness.zip(robustness).map(|(sum, share)| sum + share);
@@ -171,10 +166,9 @@ impl Judge {
         let hands: Vec<Grasp> = steps.iter().map(|(_, hand)| *hand).collect();
         let steps = kept(&steps, &are_wanted(&hands));
         let hands: Vec<Grasp> = steps.iter().map(|(_, hand)| *hand).collect();
-        let judged = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &self.judge(scene, hands, [false; 2])));
-        let judged: Vec<Vec<ScoredGrasp>> = judged.collect();
+        let judged = pair(&hands, &self.judge(scene, &hands, [false; 2]));
         let least: Vec<f32> = best.iter().map(|judged| judged.quality() - AS_SURE).collect();
-        for ((place, _), there) in steps.into_iter().zip(judged.into_iter().flatten()) {
+        for ((place, _), there) in steps.into_iter().zip(judged) {
             if there.quality() >= least[place] {
                 best[place] = there;
             }
@@ -214,16 +208,16 @@ impl Judge {
 
     /// What the network says of hands, which are seen mirrored or not.
     fn judge(&self, (grid, views): (&PaddedGrid, usize), hands: &[Grasp], mirrored: [bool; 2]) -> Vec<Answer> {
-        if hands.is_empty() {
-            return Vec::new();
-        }
-        let mut inputs = JudgeInputs::with_capacity(hands.len());
-        for Grasp { workspace_from_grasp, .. } in hands {
-            inputs.push(&self.crop, grid, workspace_from_grasp, views, mirrored);
-        }
         let is_robust = self.network.has_robustness();
         let answer = |logits| (probabilities(&logits), is_robust.then(|| robustness(&logits)));
-        self.network.forward(&inputs).logits().map(answer).collect()
+        let together = |hands: &[Grasp]| -> Vec<Answer> {
+            let mut inputs = JudgeInputs::with_capacity(hands.len());
+            for Grasp { workspace_from_grasp, .. } in hands {
+                inputs.push(&self.crop, grid, workspace_from_grasp, views, mirrored);
+            }
+            self.network.forward(&inputs).logits().map(answer).collect()
+        };
+        hands.par_chunks(TOGETHER).map(together).collect::<Vec<_>>().concat()
     }
 }
 
