@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import threading
+from functools import partial
 from pathlib import Path
 
 import graspmill
@@ -148,7 +149,9 @@ def test_ctrl_c_in_the_function_keeps_the_rounds_and_the_run_goes_on(tmp_path):
         run(tmp_path / "parts", from_above, rounds=4, name="another")
 
 
-def test_ctrl_c_stops_our_own_planner_too(tmp_path):
+def test_ctrl_c_stops_our_own_planner_too(tmp_path, request):
+    # In a job that a shell starts in the background Ctrl-C is ignored, also by Python.
+    request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, signal.default_int_handler)))
     threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
         graspmill.experiment(tmp_path / "run", rounds=500, threads=1)
