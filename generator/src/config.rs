@@ -109,6 +109,16 @@ words! {
     }
 }
 
+words! {
+    /// Along which of the axes that Appendix A leaves open a hand closes.
+    pub enum RuleClosing {
+        /// One of them, drawn.
+        Drawn = "drawn",
+        /// That along which the object is narrowest, as people grip.
+        Narrowest = "narrowest",
+    }
+}
+
 settings! {
     /// How many of a scene's attempts are drawn in which way, of `sampler = "mixed"`. The shares make 1.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -159,6 +169,8 @@ settings! {
         pub sampler: Sampler,
         /// The shares of a mixed sampler.
         pub shares: Shares; or Shares::NONE,
+        /// Along which axis hands by the rules close where Appendix A leaves it open.
+        pub rule_closing: RuleClosing; or RuleClosing::Drawn,
         /// Weights of a judge, whose best hands are executed.
         pub policy: Option<Policy>; or None,
         /// The hand, or several that take turns from scene to scene: their names or files, or a table of ranges.

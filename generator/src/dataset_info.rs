@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use shards::{DatasetInfo, FormatVersion};
 use simulator::Body;
 
-use crate::config::{Config, OF_PRIMITIVES, Sampler};
+use crate::config::{Config, OF_PRIMITIVES, RuleClosing, Sampler};
 use crate::robustness::RobustnessParams;
 
 /// The engine, as datasets name it: with its version, because other versions give other labels.
@@ -65,6 +65,9 @@ impl Config {
         // Keys that others do not have, so that those keep their identity.
         if let Some(packed) = self.packed {
             stored["packed"] = json!(packed);
+        }
+        if self.rule_closing != RuleClosing::Drawn {
+            stored["rule_closing"] = json!(self.rule_closing);
         }
         if self.spanned_share > 0.0 {
             stored["spanned_share"] = json!(self.spanned_share);

@@ -37,7 +37,7 @@ pub use annotate::{AnnotateParams, Annotated, GraspShares, PHYSICS, PROCEDURE, a
 pub use bench::{BenchReport, Comparison, Cost, bench};
 pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
-pub use config::{Config, ObjectParams, Overrides, PackedParams, Sampler};
+pub use config::{Config, ObjectParams, Overrides, PackedParams, RuleClosing, Sampler};
 pub use containers::{ContainerParams, container_faults, draw_container, room_m};
 pub use dataset_info::{bodies_of, physics_of};
 pub use depth_images::write_depth_images;

@@ -89,7 +89,7 @@ impl Observed<'_> {
         let own_stream = |number| Stream::new(config.seed, scene_id, Purpose::Proposals, number);
         match source {
             _ if count == 0 => Vec::new(),
-            Source::Rules => draw_candidates(objects, count, stream),
+            Source::Rules => draw_candidates(objects, count, config.rule_closing, stream),
             Source::Normals => draw_along_normals(config, (scene, objects), rays, views, count, stream),
             Source::Proposals => {
                 let sampler = CandidateSampler::new(gripper, config.procedure.pregrasp_distance_m);

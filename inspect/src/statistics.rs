@@ -255,9 +255,14 @@ impl<'a> Counting<'a> {
     }
 }
 
-/// Smallest and largest free extent that the config asks for, if it is one of our generator's.
+/// Smallest and largest free extent that the config asks for, if it is one of our generator's and they are uniform:
+/// where wide objects are drawn anew they are not.
 fn free_extents_m(dataset: &Dataset) -> Option<[f64; 2]> {
-    let range = dataset.info().config.get("objects")?.get("size_m")?;
+    let config = &dataset.info().config;
+    if config.get("spanned_share").is_some() {
+        return None;
+    }
+    let range = config.get("objects")?.get("size_m")?;
     let range: [f64; 2] = serde_json::from_value(range.clone()).ok()?;
     (range[0] < range[1]).then_some(range)
 }

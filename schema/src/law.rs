@@ -27,7 +27,8 @@ pub enum Tilt {
 /// A row of Appendix A.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
-    /// The object axes along which the hand may close; one is drawn.
+    /// The object axes along which the hand may close; one of them is drawn, or that along which the object is
+    /// narrowest.
     pub closing: &'static [Axis],
     /// r_y.
     pub tilt: Tilt,
@@ -46,10 +47,11 @@ const CUBOID_TILT: Tilt = Tilt::Normal { std_rad: PI / 18.0 };
 
 /// The law of a row: the shape, and the object axis of the approach.
 ///
-/// Appendix A does not say along which axis the hand closes. Both axes across the approach are drawn where both are
-/// normals of opposite faces, or no better one exists (the ends of prism and half-cylinder); the extrusion axis where
-/// its two ends are the only parallel faces (prism and half-cylinder from the side); and the cylinder's other radial
-/// axis, since there the grasp's x is the cylinder's own axis (its r_x turns about it).
+/// Appendix A says that the axes of a grasp are determined, and not along which axis the hand closes. Both axes across
+/// the approach are open where both are normals of opposite faces, or no better one exists (the ends of prism and
+/// half-cylinder); the extrusion axis alone where its two ends are the only parallel faces (prism and half-cylinder
+/// from the side); and the cylinder's other radial axis, since there the grasp's x is the cylinder's own axis (its r_x
+/// turns about it).
 #[must_use]
 pub fn law_of(shape: ShapeKind, approach: Axis) -> Law {
     use Axis::{X, Y, Z};

@@ -22,7 +22,8 @@ use tempfile::TempDir;
 
 use crate::sample::files;
 
-/// The paper's config at a size for tests: six scenes of twelve attempts on a coarse grid, in three shards.
+/// The paper's config at a size for tests: six scenes of twelve attempts on a coarse grid, in three shards; with the
+/// objects and closings of 0.3.0, whose bytes it keeps.
 fn small_config() -> String {
     include_str!("../../../configs/generate/paper.toml")
         .replace("shards = 64", "shards = 3")
@@ -30,6 +31,10 @@ fn small_config() -> String {
         .replace("attempts_per_scene = 60", "attempts_per_scene = 12")
         .replace("resolution = 40 ", "resolution = 16 ")
         .replace("counts = [1, 6] ", "counts = [1, 2] ")
+        .replace("rule_closing = \"narrowest\"", "rule_closing = \"drawn\"")
+        .replace("spanned_share = 1.0", "spanned_share = 0.0")
+        .replace("count_weights = [5.0, 3.0, 2.0, 1.0, 1.0]", "count_weights = [1.0, 1.0, 1.3, 1.3, 1.3]")
+        .replace("size_m = [0.03, 0.13]", "size_m = [0.03, 0.08]")
 }
 
 /// [`small_config`], read.
