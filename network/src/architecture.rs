@@ -6,8 +6,9 @@ use program::{ExitCode, Failure};
 use schema::{Grid, Pose, Quat, Vec3};
 use settings::words;
 
+use crate::head::Head;
 use crate::judge::{self, Scope};
-use crate::layers::{self, LayerShape, ParameterSlot, slots_of};
+use crate::layers::{self, LAYERS, LayerShape, ParameterSlot, slots_of};
 use crate::upsampling::Upsampling;
 
 words! {
@@ -85,28 +86,41 @@ impl GraspOrigin {
     }
 }
 
-/// What belongs to the paper's network besides its parameters.
+/// What belongs to a network of voxels besides its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VoxelParams {
+    /// What it answers at a voxel.
+    pub head: Head,
     /// How the decoder doubles its grids.
     pub upsampling: Upsampling,
     /// Where it has the origin of a grasp.
     pub origin: GraspOrigin,
 }
 
+impl VoxelParams {
+    /// The paper's head, with origins midway between the tips.
+    #[must_use]
+    pub const fn at_tips(upsampling: Upsampling) -> Self {
+        Self { head: Head::Quaternion, upsampling, origin: GraspOrigin::TIPS }
+    }
+}
+
 impl Display for VoxelParams {
     fn fmt(&self, to: &mut Formatter<'_>) -> fmt::Result {
-        let Self { upsampling, origin: GraspOrigin { behind_tips_m, voxel_offset } } = self;
+        let Self { head, upsampling, origin: GraspOrigin { behind_tips_m, voxel_offset } } = self;
         let behind_mm = 1e3 * behind_tips_m;
-        let name = upsampling.name();
-        write!(to, "upsampling  {name}\norigin      {behind_mm} mm behind the tips, at {voxel_offset} of its voxel")
+        let (head, name) = (head.name(), upsampling.name());
+        write!(
+            to,
+            "head        {head}\nupsampling  {name}\norigin      {behind_mm} mm behind the tips, at {voxel_offset} of its voxel"
+        )
     }
 }
 
 /// A network's kind, and what belongs to it besides its parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Architecture {
-    /// The paper's network, which answers for every voxel.
+    /// The paper's network, which answers for every voxel, or one that differs in its head.
     Voxel(VoxelParams),
     /// The judge, which answers for a hand; what it was trained for.
     Judge(Box<Scope>),
@@ -126,7 +140,7 @@ impl Architecture {
     #[must_use]
     pub fn layers(&self) -> &'static [LayerShape] {
         match self {
-            Self::Voxel(_) => &layers::LAYERS,
+            Self::Voxel(params) => params.head.layers(),
             Self::Judge(scope) => scope.layers(),
         }
     }
@@ -137,11 +151,22 @@ impl Architecture {
         slots_of(self.layers())
     }
 
+    /// How many parameters two networks have in common, which come first: all if they are the same, the layers before
+    /// the head if voxels answer differently.
+    #[must_use]
+    pub fn shared_parameters(&self, other: &Self) -> usize {
+        let all = |own: &Self| layers::count_of(own.layers());
+        match (self, other) {
+            (Self::Voxel(own), Self::Voxel(other)) if own.head != other.head => layers::count_of(&LAYERS[..6]),
+            _ => all(self).min(all(other)),
+        }
+    }
+
     /// Initial parameters.
     #[must_use]
     pub fn initial_vector(&self, seed: u64) -> Vec<f32> {
         match self {
-            Self::Voxel(_) => layers::initial_vector(seed),
+            Self::Voxel(params) => layers::initial_of(params.head.layers(), seed),
             Self::Judge(scope) => judge::initial_vector(seed)[..layers::count_of(scope.layers())].to_vec(),
         }
     }

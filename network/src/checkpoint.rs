@@ -17,10 +17,10 @@ use safetensors::{SafeTensorError, SafeTensors};
 use sha2::{Digest as _, Sha256};
 
 use crate::layers::{ParameterSlot, parameter_slots, vector_of};
-use crate::{Architecture, DenseNetwork};
+use crate::{Architecture, DenseNetwork, VoxelParams};
 
 use header::Stored;
-pub(crate) use header::{JUDGE, VOXEL};
+pub(crate) use header::{JUDGE, name_of};
 pub use progress::{Confusion, Progress};
 
 /// A network's parameters and their origin.
@@ -49,15 +49,18 @@ pub struct Moments {
     pub first: Vec<f32>,
     /// Running mean of its square.
     pub second: Vec<f32>,
+    /// The parameters from which the next step goes on, where those of the network are their running mean.
+    pub point: Option<Vec<f32>>,
 }
 
 impl Checkpoint {
-    /// The paper's network, prepared for inference.
+    /// A network of voxels, prepared for inference.
     ///
     /// # Errors
     /// If these are another network's parameters.
     pub fn dense(&self) -> Result<DenseNetwork, Failure> {
-        Ok(DenseNetwork::new(&self.vector, self.architecture.voxel("detection")?.upsampling))
+        let VoxelParams { head, upsampling, .. } = self.architecture.voxel("detection")?;
+        Ok(DenseNetwork::new(&self.vector, upsampling, head))
     }
 }
 
@@ -65,7 +68,7 @@ impl Checkpoint {
 const FILE_BYTES_MAX: u64 = 64 << 20;
 /// Maximum number of differences in a message.
 const PROBLEMS_MAX: usize = 4;
-const MOMENTS: [&str; 2] = ["adam.first.", "adam.second."];
+const MOMENTS: [&str; 3] = ["adam.first.", "adam.second.", "adam.point."];
 
 /// Writes a checkpoint atomically.
 ///
@@ -81,6 +84,7 @@ fn encode(checkpoint: &Checkpoint) -> Result<Vec<u8>, SafeTensorError> {
     let mut vectors = vec![("", &checkpoint.vector)];
     if let Some(moments) = &checkpoint.moments {
         vectors.extend([(MOMENTS[0], &moments.first), (MOMENTS[1], &moments.second)]);
+        vectors.extend(moments.point.iter().map(|point| (MOMENTS[2], point)));
     }
     let vectors: Vec<(&str, Vec<u8>)> = vectors.into_iter().map(|(prefix, vector)| (prefix, bytes(vector))).collect();
     let slots = checkpoint.architecture.slots();
@@ -167,7 +171,11 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, Failure> {
     let parameters = vector("")?;
     let moments = match adam_steps {
         0 => None,
-        steps => Some(Moments { steps, first: vector(MOMENTS[0])?, second: vector(MOMENTS[1])? }),
+        steps => {
+            let is_averaged = tensors.names().iter().any(|name| name.starts_with(MOMENTS[2]));
+            let point = if is_averaged { Some(vector(MOMENTS[2])?) } else { None };
+            Some(Moments { steps, first: vector(MOMENTS[0])?, second: vector(MOMENTS[1])?, point })
+        }
     };
     Ok(Checkpoint { vector: parameters, architecture, config, dataset_id, progress, moments })
 }
@@ -198,17 +206,19 @@ mod tests {
     use schema::{Grid, Gripper};
 
     use super::*;
+    use crate::GraspOrigin;
+    use crate::head::Head;
     use crate::judge::Scope;
     use crate::layers::initial_vector;
     use crate::upsampling::Upsampling;
-    use crate::{GraspOrigin, VoxelParams};
 
     #[test]
     fn a_checkpoint_comes_back_and_equal_ones_make_equal_files() {
         let folder = tempfile::tempdir().unwrap();
-        let checkpoint = Checkpoint {
+        let mut checkpoint = Checkpoint {
             vector: initial_vector(1),
             architecture: Architecture::Voxel(VoxelParams {
+                head: Head::Quaternion,
                 upsampling: Upsampling::Nearest,
                 origin: GraspOrigin::behind_tips(0.035),
             }),
@@ -221,14 +231,18 @@ mod tests {
                 best_accuracy_bits: Some(0.3_f64.to_bits()),
                 ..Progress::default()
             },
-            moments: Some(Moments { steps: 45, first: initial_vector(2), second: initial_vector(3) }),
+            moments: None,
         };
         let path = |name: &str| folder.path().join(name);
-        save(&checkpoint, &path("a")).unwrap();
-        let back = read(&path("a")).unwrap();
-        save(&back, &path("b")).unwrap();
-        assert!(std::fs::read(path("a")).unwrap() == std::fs::read(path("b")).unwrap());
-        assert_eq!(back, checkpoint);
+        for point in [None, Some(initial_vector(4))] {
+            checkpoint.moments =
+                Some(Moments { steps: 45, first: initial_vector(2), second: initial_vector(3), point });
+            save(&checkpoint, &path("a")).unwrap();
+            let back = read(&path("a")).unwrap();
+            save(&back, &path("b")).unwrap();
+            assert!(std::fs::read(path("a")).unwrap() == std::fs::read(path("b")).unwrap());
+            assert_eq!(back, checkpoint);
+        }
     }
 
     #[test]
@@ -238,6 +252,7 @@ mod tests {
         let header = Checkpoint {
             vector: initial_vector(1),
             architecture: Architecture::Voxel(VoxelParams {
+                head: Head::Quaternion,
                 upsampling: Upsampling::Linear,
                 origin: GraspOrigin::TIPS,
             }),

@@ -4,12 +4,13 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::head::{Answer, Head};
 use crate::kernels::conv::{Conv, Extent, padded_grids, taps};
 use crate::kernels::doubling::Doubling;
-use crate::kernels::folded::{COLUMNS, FoldedHeads, KERNEL, PHASES};
-use crate::kernels::parameters::{HEAD_COLUMNS, HEADS, Parameters, VOXEL};
+use crate::kernels::folded::{FoldedHeads, KERNEL, PHASES};
+use crate::kernels::parameters::{HEADS, Parameters, voxel_layout};
 use crate::kernels::tile::{self, Forward};
-use crate::layers::{LAYERS, NORM_SQUARED_MIN};
+use crate::layers::LAYERS;
 use crate::receptive_field::{COARSEST, RESOLUTION};
 use crate::upsampling::Upsampling;
 
@@ -18,6 +19,7 @@ use crate::upsampling::Upsampling;
 /// evaluation.
 #[derive(Debug, Clone)]
 pub struct DenseNetwork {
+    head: Head,
     parameters: Parameters,
     convs: [Conv; HEADS],
     doublings: [Doubling; 2],
@@ -36,6 +38,9 @@ pub struct DenseGrids {
     pub rotation: Vec<f32>,
     /// Opening width in voxels, `[40, 40, 40]`.
     pub width_voxels: Vec<f32>,
+    /// The point between the tips as seen from the centre of the voxel, in voxels, `[3, 40, 40, 40]`; empty where the
+    /// head does not say it.
+    pub tips_voxels: Vec<f32>,
 }
 
 /// Coarse cells of a plane that share their weights.
@@ -43,9 +48,9 @@ pub struct DenseGrids {
 struct Group {
     /// Classes of y and z.
     classes: [usize; 2],
-    /// The start of their inputs in the plane's inputs, and of their columns in the plane's outputs.
+    /// The start of their inputs in the plane's inputs, and their numbers in the plane.
     rows: Vec<usize>,
-    places: Vec<usize>,
+    cells: Vec<usize>,
 }
 
 /// The level at which the heads are evaluated.
@@ -53,20 +58,20 @@ const LAST: Extent = Extent::cube(LAST_SIDE, LAYERS[HEADS].padding());
 const LAST_SIDE: usize = RESOLUTION / 2;
 
 impl DenseNetwork {
-    /// `vector` as [`crate::layers::parameter_slots`] lays it out.
+    /// `vector` as [`crate::layers::slots_of`] lays out the layers of a head.
     ///
     /// # Panics
     /// If it has another length.
     #[must_use]
-    pub fn new(vector: &[f32], mode: Upsampling) -> Self {
+    pub fn new(vector: &[f32], mode: Upsampling, head: Head) -> Self {
         let conv = |number: usize, n: usize, output_padding: usize| {
             Conv::new(LAYERS[number], Extent::cube(n, LAYERS[number].padding()), output_padding)
         };
         let [n5, n10, n20] = [COARSEST, 2 * COARSEST, 4 * COARSEST];
-        let parameters = Parameters::from_vector(&VOXEL, vector);
-        let (weights, bias) = parameters.stage(HEADS);
+        let parameters = Parameters::from_vector(voxel_layout(head), vector);
         Self {
-            heads: FoldedHeads::new(weights, bias, LAST_SIDE, mode),
+            head,
+            heads: FoldedHeads::new(parameters.stage(HEADS), head.outputs(), LAST_SIDE, mode),
             convs: [conv(0, RESOLUTION, 1), conv(1, n20, 1), conv(2, n10, 1), conv(3, n5, 0), conv(4, n10, 0), {
                 conv(5, n20, LAST.padding)
             }],
@@ -93,23 +98,36 @@ impl DenseNetwork {
         let x = conv(4, &self.doublings[0].double(LAYERS[3].channels_out, &x));
         let mut x = conv(5, &self.doublings[1].double(LAYERS[4].channels_out, &x));
         hold_border(&mut x, LAST, LAYERS[HEADS].channels_in);
-        let planes: Vec<Vec<f32>> =
-            (0..LAST_SIDE).into_par_iter().map(|plane| self.heads_of_plane(&x, plane)).collect();
-        assembled(&planes)
+        let answers_of = |plane| self.answers_of_plane(&self.heads_of_plane(&x, plane));
+        let planes: Vec<Vec<Answer>> = (0..LAST_SIDE).into_par_iter().map(answers_of).collect();
+        assembled(self.head, &planes.concat())
     }
 
-    /// The heads of the coarse cells with x = `plane`: `[y, z, COLUMNS]`.
+    /// The heads of the coarse cells with x = `plane`: `[y, z, columns]`.
     fn heads_of_plane(&self, inputs: &[f32], plane: usize) -> Vec<f32> {
+        let columns = self.heads.bias().len();
         let (channels, taps) = (LAYERS[HEADS].channels_in, &self.head_taps[..]);
         let run = KERNEL * channels;
         let inputs = &inputs[plane * LAST.whole()[1].pow(2) * channels..];
-        let mut outputs = vec![0.0; LAST_SIDE.pow(2) * COLUMNS];
-        for Group { classes: [y, z], rows, places } in &self.groups {
+        let mut outputs = vec![0.0; LAST_SIDE.pow(2) * columns];
+        for Group { classes: [y, z], rows, cells } in &self.groups {
+            let places = &cells.iter().map(|cell| cell * columns).collect::<Vec<_>>()[..];
             let weights = self.heads.weights([FoldedHeads::class(plane, LAST_SIDE), *y, *z]);
             let (start, outputs) = (self.heads.bias(), &mut outputs[..]);
             tile::run(Forward { inputs, rows, taps, run, weights, start, relu: false, places, outputs });
         }
         outputs
+    }
+
+    /// The answers of the voxels of the coarse cells with one x, `[2, 40, 40]`, from their columns.
+    fn answers_of_plane(&self, columns: &[f32]) -> Vec<Answer> {
+        let (outputs, columns_of_cell) = (self.head.outputs(), self.heads.bias().len());
+        let voxel = |at: usize| {
+            let [x, y, z] = [at / RESOLUTION.pow(2), at / RESOLUTION % RESOLUTION, at % RESOLUTION];
+            let (cell, phase) = (y / 2 * LAST_SIDE + z / 2, 4 * x + 2 * (y % 2) + z % 2);
+            self.head.answer(&columns[cell * columns_of_cell + phase * outputs..][..outputs])
+        };
+        (0..PHASES * LAST_SIDE.pow(2)).map(voxel).collect()
     }
 }
 
@@ -136,35 +154,22 @@ fn groups() -> Vec<Group> {
         Group {
             classes: [FoldedHeads::class(ys.start, n), FoldedHeads::class(zs.start, n)],
             rows: cells.iter().map(|(y, z)| (y * LAST.whole()[2] + z) * channels).collect(),
-            places: cells.iter().map(|(y, z)| (y * n + z) * COLUMNS).collect(),
+            cells: cells.iter().map(|(y, z)| y * n + z).collect(),
         }
     };
     pairs.map(group).collect()
 }
 
-/// From the phases of coarse cells to voxels.
-fn assembled(planes: &[Vec<f32>]) -> DenseGrids {
-    let voxels = RESOLUTION.pow(3);
-    let mut grids = DenseGrids {
-        quality_logit: vec![0.0; voxels],
-        rotation: vec![0.0; 4 * voxels],
-        width_voxels: vec![0.0; voxels],
+/// From voxels, x slowest, to volumes.
+fn assembled(head: Head, answers: &[Answer]) -> DenseGrids {
+    let parts = |count: usize, part: &dyn Fn(&Answer, usize) -> f32| -> Vec<f32> {
+        (0..count).flat_map(|number| answers.iter().map(move |answer| part(answer, number))).collect()
     };
-    for (x, plane) in planes.iter().enumerate() {
-        for (cell, columns) in plane.chunks_exact(COLUMNS).enumerate() {
-            let (y, z) = (cell / LAST_SIDE, cell % LAST_SIDE);
-            for (phase, columns) in (0..PHASES).zip(columns.as_chunks::<HEAD_COLUMNS>().0) {
-                let [x, y, z] = [2 * x + (phase >> 2), 2 * y + (phase >> 1 & 1), 2 * z + (phase & 1)];
-                let voxel = (x * RESOLUTION + y) * RESOLUTION + z;
-                let [logit, rotation @ .., width] = *columns;
-                grids.quality_logit[voxel] = logit;
-                grids.width_voxels[voxel] = width;
-                let norm = rotation.iter().map(|part| part * part).sum::<f32>().max(NORM_SQUARED_MIN).sqrt();
-                for (axis, part) in rotation.iter().enumerate() {
-                    grids.rotation[axis * voxels + voxel] = part / norm;
-                }
-            }
-        }
+    let tips = if head == Head::Closings { 3 } else { 0 };
+    DenseGrids {
+        quality_logit: parts(1, &|answer, _| answer.quality_logit),
+        rotation: parts(4, &|answer, axis| answer.rotation[axis]),
+        width_voxels: parts(1, &|answer, _| answer.width_voxels),
+        tips_voxels: parts(tips, &|answer, axis| answer.tips_voxels.map_or(0.0, |tips| tips[axis])),
     }
-    grids
 }

@@ -17,6 +17,7 @@ use safetensors::SafeTensors;
 use settings::words;
 
 use crate::checkpoint::{self, Checkpoint, Progress};
+use crate::head::Head;
 use crate::upsampling::Upsampling;
 use crate::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, VoxelParams};
 
@@ -61,7 +62,7 @@ pub struct GivenParams {
 }
 
 impl GivenParams {
-    fn with_metadata(self, bytes: &[u8]) -> VoxelParams {
+    fn with_metadata(self, bytes: &[u8], head: Head) -> VoxelParams {
         let metadata = SafeTensors::read_metadata(bytes).ok().and_then(|(_, metadata)| metadata.metadata().clone());
         let said = |key: &str| metadata.as_ref().and_then(|said| said.get(key));
         let number = |key: &str, most: f32| {
@@ -72,6 +73,7 @@ impl GivenParams {
         let behind_tips_m = origin_behind_tips_m.or_else(|| number("origin_behind_tips_m", BEHIND_TIPS_M_MAX));
         let voxel_offset = voxel_offset.or_else(|| number("voxel_offset", 1.0));
         VoxelParams {
+            head,
             upsampling: upsampling.or_else(named).unwrap_or(Upsampling::Nearest),
             origin: GraspOrigin {
                 behind_tips_m: behind_tips_m.unwrap_or(GraspOrigin::VGN.behind_tips_m),
@@ -87,10 +89,10 @@ impl GivenParams {
 /// If the file cannot be read or has no weights of this network, or `out` cannot be written. Then nothing is written.
 pub fn import(file: &Path, out: &Path, given: GivenParams, force: bool) -> Result<Imported, Failure> {
     let bytes = read_bounded(file)?;
-    let Parameters { values, prefix, converted_from } = read_weights(&bytes, file)?;
+    let Parameters { head, values, prefix, converted_from } = read_weights(&bytes, file)?;
     let checkpoint = Checkpoint {
         vector: values,
-        architecture: Architecture::Voxel(given.with_metadata(&bytes)),
+        architecture: Architecture::Voxel(given.with_metadata(&bytes, head)),
         config: provenance(file.file_name().unwrap_or_default(), &bytes),
         dataset_id: IMPORTED.to_owned(),
         progress: Progress::default(),

@@ -228,7 +228,7 @@ impl JudgeActivations {
     /// The outputs for each hand: the logits of the outcomes, in the order of [`Outcome::ALL`], then that of the
     /// robustness, which is 0 for judges without it.
     pub fn logits(&self) -> impl Iterator<Item = [f32; OUTPUTS]> {
-        from_lanes(&self.logits)
+        from_lanes(&self.logits, OUTPUTS).map(|row| std::array::from_fn(|at| row[at]))
     }
 }
 
@@ -316,7 +316,7 @@ impl JudgeNetwork {
             }
         };
         let [head1, head2, head3] = heads(d_logits.len());
-        let d = through(CONVS + 2, &head3, &seen.hidden[1], &to_lanes(d_logits));
+        let d = through(CONVS + 2, &head3, &seen.hidden[1], &to_lanes(d_logits.as_flattened(), OUTPUTS));
         let d = through(CONVS + 1, &head2, &seen.hidden[0], &head2.through_relu(&seen.hidden[1], &d));
         let d_rows = through(CONVS, &head1, &seen.rows, &head1.through_relu(&seen.hidden[0], &d));
         let part = |from: usize, len: usize| -> Vec<f32> {

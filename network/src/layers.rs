@@ -29,7 +29,8 @@ pub(crate) const fn layer(
     LayerShape { name, channels_in, channels_out, kernel, stride }
 }
 
-/// All layers, in the order of their parameters in the flat vector.
+/// All layers of the paper's network, in the order of their parameters in the flat vector. Those with other heads have
+/// the same first six ([`crate::head`]).
 pub const LAYERS: [LayerShape; 9] = [
     layer("encoder.conv1", 1, 16, 5, 2),
     layer("encoder.conv2", 16, 32, 3, 2),
@@ -133,8 +134,13 @@ pub(crate) fn count_of(layers: &[LayerShape]) -> usize {
 /// stream of `seed`.
 #[must_use]
 pub fn initial_vector(seed: u64) -> Vec<f32> {
-    let mut values = Vec::with_capacity(parameter_count());
-    for (number, layer) in LAYERS.iter().enumerate() {
+    initial_of(&LAYERS, seed)
+}
+
+/// As [`initial_vector`], for some layers.
+pub(crate) fn initial_of(layers: &[LayerShape], seed: u64) -> Vec<f32> {
+    let mut values = Vec::with_capacity(count_of(layers));
+    for (number, layer) in layers.iter().enumerate() {
         let mut stream = Stream::new(seed, number as u64, Purpose::Weights, 0);
         let bound = 1.0 / (layer.fan_in() as f32).sqrt();
         values.extend((0..layer.weight_count() + layer.channels_out).map(|_| stream.uniform(-bound, bound)));

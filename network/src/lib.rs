@@ -4,7 +4,7 @@
 //! # Map
 //!
 //! - [`layers`] has the architecture as a table, and the flat vector of all parameters; [`upsampling`] has the ×2
-//!   stages.
+//!   stages; [`head`] what a voxel answers.
 //! - [`DenseNetwork`] evaluates the whole volume, for inference. [`VoxelNetwork`] evaluates one voxel per sample and
 //!   computes the gradient of every parameter, for training; [`receptive_field`] determines the part of the decoder
 //!   that a voxel needs.
@@ -18,6 +18,7 @@
 mod architecture;
 pub mod checkpoint;
 mod dense;
+pub mod head;
 pub mod interchange;
 pub mod judge;
 mod kernels;
@@ -29,4 +30,4 @@ mod windows;
 
 pub use architecture::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, Kind, VoxelParams};
 pub use dense::{DenseGrids, DenseNetwork};
-pub use voxel::{Activations, HEAD_OUTPUTS, TransposedWeights, VoxelInputs, VoxelNetwork};
+pub use voxel::{Activations, TransposedWeights, VoxelInputs, VoxelNetwork};

@@ -10,6 +10,11 @@
 //! the patch that a convolution sees holds zeros exactly where the dense form pads with zeros. Coarse positions outside
 //! the volume have zero columns: a convolution may compute rubbish there, nobody looks at it and no gradient comes
 //! back. Hence faces, edges and corners need no special case.
+//!
+//! The samples of a grid depend on many of the same positions at 10³, 216 each of 1,000, so on the host the layer there
+//! is evaluated once at each position that any of them needs ([`positions_at_10`]).
+
+use core::ops::Range;
 
 use crate::layers::LAYERS;
 use crate::upsampling::Upsampling;
@@ -61,6 +66,27 @@ pub fn axis_windows(coordinate: usize, mode: Upsampling) -> [Vec<f32>; 3] {
         mode.window(2 * COARSEST, (conv3_in_start, sizes.conv3_in), (conv2_out_start, sizes.conv2_out)),
         mode.window(4 * COARSEST, (heads_start, sizes.heads_in), (conv3_out_start, sizes.conv3_out)),
     ]
+}
+
+/// The second matrix of [`axis_windows`] with columns for all ten positions, of which it needs [`positions_at_10`].
+#[must_use]
+pub fn window_from_whole_10(coordinate: usize, mode: Upsampling) -> Vec<f32> {
+    let sizes = PatchSizes::new(mode);
+    mode.window(2 * COARSEST, (conv3_in_start(coordinate, mode), sizes.conv3_in), (0, 2 * COARSEST))
+}
+
+/// The positions at 10³ that one voxel coordinate depends on.
+#[must_use]
+pub fn positions_at_10(coordinate: usize, mode: Upsampling) -> Range<usize> {
+    let start = mode.first_coarse(conv3_in_start(coordinate, mode));
+    let end = start + PatchSizes::new(mode).conv2_out as isize;
+    start.max(0) as usize..(end as usize).min(2 * COARSEST)
+}
+
+/// First position at 20³, inside or outside the volume, that decoder.conv3 sees.
+fn conv3_in_start(coordinate: usize, mode: Upsampling) -> isize {
+    let heads_start = coordinate as isize - LAYERS[6].padding() as isize;
+    mode.first_coarse(heads_start) - LAYERS[5].padding() as isize
 }
 
 #[cfg(test)]

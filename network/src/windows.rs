@@ -40,6 +40,7 @@ impl DenseNetwork {
             quality_logit: vec![NOTHING; voxels],
             rotation: [vec![0.0; 3 * voxels], vec![1.0; voxels]].concat(),
             width_voxels: vec![0.0; voxels],
+            tips_voxels: Vec::new(),
         };
         for (window_x, x0) in starts.iter().enumerate() {
             for (window_y, y0) in starts.iter().enumerate() {
@@ -50,6 +51,8 @@ impl DenseNetwork {
                     window[to..to + height].copy_from_slice(&grid[from..from + height]);
                 }
                 let seen = self.infer(&window);
+                let tips = seen.tips_voxels.len() / RESOLUTION.pow(3);
+                all.tips_voxels.resize(tips * voxels, 0.0);
                 let is_own = |((_, x), (_, y)): &((usize, usize), (usize, usize))| {
                     (owners[*x], owners[*y]) == (window_x, window_y)
                 };
@@ -57,6 +60,7 @@ impl DenseNetwork {
                     (&mut all.quality_logit, &seen.quality_logit, 1),
                     (&mut all.rotation, &seen.rotation, 4),
                     (&mut all.width_voxels, &seen.width_voxels, 1),
+                    (&mut all.tips_voxels, &seen.tips_voxels, tips),
                 ] {
                     for ((from_x, x), (from_y, y)) in columns().filter(is_own) {
                         let (column, own) = ((x * side + y) * side, (from_x * RESOLUTION + from_y) * RESOLUTION);
@@ -75,7 +79,8 @@ impl DenseNetwork {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layers::initial_vector;
+    use crate::head::Head;
+    use crate::layers::initial_of;
     use crate::upsampling::Upsampling;
 
     #[test]
@@ -99,8 +104,8 @@ mod tests {
     #[test]
     fn every_voxel_has_the_answer_of_its_window() {
         let value = |n: usize| ((n * 7919 % 1009) as f32 / 1009.0 - 0.5) * 0.2;
-        let network = DenseNetwork::new(&initial_vector(1), Upsampling::Linear);
-        for side in [27, 53] {
+        for (head, side) in [(Head::Quaternion, 27), (Head::Quaternion, 53), (Head::Closings, 47)] {
+            let network = DenseNetwork::new(&initial_of(head.layers(), 1), Upsampling::Linear, head);
             let grid: Vec<f32> = (0..side * side * side).map(|n| value(n) + 0.5).collect();
             let all = network.infer_over(side, &grid);
             let (starts, owners) = windows(side);
@@ -118,6 +123,10 @@ mod tests {
                 assert_eq!(all.width_voxels[to], one.width_voxels[from]);
                 for part in 0..4 {
                     assert_eq!(all.rotation[part * side.pow(3) + to], one.rotation[part * 64_000 + from]);
+                }
+                assert_eq!(all.tips_voxels.len() * 64_000, one.tips_voxels.len() * side.pow(3));
+                for part in 0..one.tips_voxels.len() / 64_000 {
+                    assert_eq!(all.tips_voxels[part * side.pow(3) + to], one.tips_voxels[part * 64_000 + from]);
                 }
             }
             let above = 20 * side + side - 1;

@@ -8,7 +8,7 @@ mod closing;
 use grasps::ObservedScene;
 use network::{DenseGrids, DenseNetwork, GraspOrigin};
 use rayon::prelude::*;
-use schema::{Grasp, Grid, Pose, Quat, pose_from_parts};
+use schema::{Grasp, Grid, Pose, Quat, Vec3, pose_from_parts};
 
 use crate::config::{ClosingBy, Config};
 use crate::hand::towards_wrist;
@@ -91,7 +91,15 @@ impl VoxelMethod {
         let (flat, count) = (grid.flat(voxel), grid.len());
         let [x, y, z, w] = [0, 1, 2, 3].map(|part| grids.rotation[part * count + flat]);
         let rotation = Quat::from_xyzw(x, y, z, w).normalize();
-        let workspace_from_grasp = pose_from_parts(rotation, self.origin.tips_m(voxel, rotation, grid));
+        // A head that says where the tips are knows it better than to a voxel.
+        let tips_m = match grids.tips_voxels.len() {
+            0 => self.origin.tips_m(voxel, rotation, grid),
+            _ => {
+                let offset = [0, 1, 2].map(|part| grids.tips_voxels[part * count + flat]);
+                grid.centre_m(voxel) + Vec3::from_array(offset) * grid.voxel_size_m()
+            }
+        };
+        let workspace_from_grasp = pose_from_parts(rotation, tips_m);
         let width_m = grids.width_voxels[flat] * grid.voxel_size_m();
         let pose = towards_wrist(&workspace_from_grasp, request.options.wrist());
         RankedGrasp::new(pose, Some(width_m), quality, Some(voxel))

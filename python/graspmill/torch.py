@@ -6,9 +6,7 @@ Needs ``pip install graspmill[torch]``. The samples and the split are those of `
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-import re
 from bisect import bisect_right
 from typing import TYPE_CHECKING, Any, Generic, Iterator, Literal, Mapping, TypedDict, TypeVar, cast
 
@@ -26,12 +24,12 @@ from .scene import OUTCOMES
 try:
     import torch
     import torch.distributed
-    import torch.nn.functional as F
-    from torch import Tensor, nn
+    from torch import Tensor
 except ImportError as error:  # pragma: no cover
     raise ImportError("graspmill.torch needs PyTorch: pip install graspmill[torch]") from error
 
 from ._judge import Judge, judge_loss
+from ._voxel_network import ORIGIN_BEHIND_TIPS_M, VoxelNetwork, behind_tips_m, closings_loss, loss
 
 __all__ = [
     "Batch",
@@ -42,6 +40,7 @@ __all__ = [
     "GraspStream",
     "Judge",
     "VoxelNetwork",
+    "closings_loss",
     "judge_loss",
     "loss",
 ]
@@ -61,7 +60,8 @@ class Batch(_Shared):
 
     ``tsdf`` is ``[S, 1, 40, 40, 40]``. The others have ``B`` entries: ``scene`` (index into ``tsdf``), ``voxel``
     ``[B, 3]`` (x, y, z), ``label`` (1 if the attempt held), ``rotation`` ``[B, 4]`` (quaternion x, y, z, w), ``width``
-    (opening in voxels; 0 unless the attempt held). A stream of one of several ranks adds ``share`` ``[1]``: times it, a
+    (opening in voxels; 0 unless the attempt held), ``tips`` ``[B, 3]`` (the point between the finger tips from the
+    middle of the voxel, in voxels). A stream of one of several ranks adds ``share`` ``[1]``: times it, a
     rank's mean loss counts for its samples, so that the mean over the ranks is that over all samples of the step.
     """
 
@@ -71,6 +71,7 @@ class Batch(_Shared):
     label: Tensor
     rotation: Tensor
     width: Tensor
+    tips: Tensor
 
 
 class GraspCropBatch(_Shared):
@@ -101,14 +102,6 @@ _B = TypeVar("_B", Batch, GraspCropBatch)
 _Kept = tuple[NDArray[np.float32], dict[str, NDArray[Any]], dict[int, int]]
 
 
-#: Origin of a grasp in the shipped recipes: between the roots of the fingers.
-ORIGIN_BEHIND_TIPS_M = 0.05
-
-
-def _behind_tips_m(value: float) -> float:
-    return _arrays.number("origin_behind_tips_m", value, 0.0, 0.3)
-
-
 class _Samples:
     """The samples of a split, by scene: voxels, or crops of grasps."""
 
@@ -126,7 +119,7 @@ class _Samples:
         self.has_crops = has_crops
         if has_crops and origin_behind_tips_m is not None:
             raise InputError("crops are cut at the grasp itself: origin_behind_tips_m must be left out")
-        self.origin_behind_tips_m = _behind_tips_m(ORIGIN_BEHIND_TIPS_M if origin_behind_tips_m is None else origin_behind_tips_m)
+        self.origin_behind_tips_m = behind_tips_m(ORIGIN_BEHIND_TIPS_M if origin_behind_tips_m is None else origin_behind_tips_m)
         self._crops: _native.Crops | None = None
         self.dataset = path if isinstance(path, Dataset) else Dataset(path)
         if by not in ("attempt", "scene"):
@@ -159,7 +152,12 @@ class _Samples:
             rows |= {"gripper": numbers[:, 3], "views": numbers[:, 4]}
         else:
             known = held & np.isfinite(width)
-            rows["voxel"] = np.floor(poses[:, :3] / np.float32(self.voxel_m)).astype(np.int64)
+            origin = poses[:, :3] / np.float32(self.voxel_m)
+            rows["voxel"] = np.floor(origin).astype(np.int64)
+            x, y, z, w = poses[:, 3:].T
+            approach = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
+            behind = np.float32(self.origin_behind_tips_m / self.voxel_m)
+            rows["tips"] = (origin - rows["voxel"].astype(np.float32) - np.float32(0.5) + behind * approach).astype(np.float32)
             rows["width"] = np.where(known, width / np.float32(self.voxel_m), np.float32(0.0)).astype(np.float32)
         where = {(int(place), int(attempt)): row for row, (place, attempt, *_) in enumerate(numbers)}
         return grids.reshape(len(scenes), 1, self.side, self.side, self.side), where, rows
@@ -182,7 +180,7 @@ class _Samples:
             }
         else:
             arrays = {"tsdf": grids, "scene": scene.astype(np.int64), "rotation": rows["pose"][:, 3:].copy()}
-            arrays |= {name: rows[name] for name in ("voxel", "label", "width")}
+            arrays |= {name: rows[name] for name in ("voxel", "label", "width", "tips")}
         return _Renamed({name: torch.from_numpy(array) for name, array in arrays.items()})
 
 
@@ -222,7 +220,8 @@ class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
 
 
 class GraspDataset(_Items):
-    """Samples by index: ``tsdf`` ``[1, 40, 40, 40]``, ``voxel`` ``[3]``, ``label``, ``rotation`` ``[4]``, ``width``.
+    """Samples by index: ``tsdf`` ``[1, 40, 40, 40]``, ``voxel`` ``[3]``, ``label``, ``rotation`` ``[4]``, ``width``,
+    ``tips`` ``[3]``.
 
     Each item decodes a scene. :class:`GraspStream` decodes a scene once for several samples and is many times faster.
 
@@ -450,124 +449,6 @@ class GraspCropStream(_Stream[GraspCropBatch]):
     """
 
     _has_crops = True
-
-
-class VoxelNetwork(nn.Module):
-    """The paper's network, which is VGN's: it predicts a quality, an orientation and an opening for every voxel.
-
-    :meth:`load` reads the weights of ``graspmill weights export --format safetensors``; ``graspmill weights import``
-    reads those of :meth:`save`.
-
-    Args:
-        upsampling: ``"linear"`` (trilinear, as in the shipped configs) or ``"nearest"``.
-        origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach. Train the
-            network on a :class:`GraspStream` with the same value.
-        voxel_offset: Position of that origin in its voxel along each axis: 0.5, the middle, for networks trained with
-            this package; 0 for VGN's weights.
-    """
-
-    def __init__(
-        self,
-        upsampling: Literal["linear", "nearest"] = "linear",
-        *,
-        origin_behind_tips_m: float = ORIGIN_BEHIND_TIPS_M,
-        voxel_offset: float = 0.5,
-    ) -> None:
-        super().__init__()
-        if upsampling not in ("linear", "nearest"):
-            raise InputError(f"upsampling must be 'linear' or 'nearest', got {_arrays.shown(upsampling)}")
-        self.upsampling = upsampling
-        self.origin_behind_tips_m = _behind_tips_m(origin_behind_tips_m)
-        self.voxel_offset = _arrays.number("voxel_offset", voxel_offset, 0.0, 1.0)
-
-        def conv(c_in: int, c_out: int, k: int, stride: int = 1) -> nn.Conv3d:
-            return nn.Conv3d(c_in, c_out, k, stride, k // 2)
-
-        self.encoder = nn.ModuleDict({"conv1": conv(1, 16, 5, 2), "conv2": conv(16, 32, 3, 2), "conv3": conv(32, 64, 3, 2)})
-        self.decoder = nn.ModuleDict({"conv1": conv(64, 64, 3), "conv2": conv(64, 32, 3), "conv3": conv(32, 16, 5)})
-        self.conv_qual, self.conv_rot, self.conv_width = conv(16, 1, 5), conv(16, 4, 5), conv(16, 1, 5)
-
-    def features(self, tsdf: Tensor) -> Tensor:
-        """``[B, 1, 40, 40, 40]`` to ``[B, 16, 40, 40, 40]``."""
-        x = tsdf
-        for layer in self.encoder.values():
-            x = F.relu(layer(x))
-        for layer, size in zip(self.decoder.values(), (10, 20, 40)):
-            x = F.relu(layer(x))
-            x = F.interpolate(x, size, mode="trilinear", align_corners=False) if self.upsampling == "linear" else F.interpolate(x, size)
-        return x
-
-    def forward(self, tsdf: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """From TSDFs in VGN's values, ``[B, 1, 40, 40, 40]``, to quality (0 to 1, ``[B, 1, …]``), rotation (unit
-        quaternion x, y, z, w, ``[B, 4, …]``) and width (voxels, ``[B, 1, …]``)."""
-        x = self.features(tsdf)
-        return torch.sigmoid(self.conv_qual(x)), F.normalize(self.conv_rot(x), dim=1), self.conv_width(x)
-
-    def at(self, batch: Batch) -> tuple[Tensor, Tensor, Tensor]:
-        """Quality ``[B]``, rotation ``[B, 4]`` and width ``[B]`` at the voxels of a batch."""
-        i, j, k = batch["voxel"].T
-        quality, rotation, width = self(batch["tsdf"])
-        at = batch["scene"]
-        return quality[at, 0, i, j, k], rotation[at, :, i, j, k], width[at, 0, i, j, k]
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str], upsampling: Literal["linear", "nearest"] | None = None) -> VoxelNetwork:
-        """The network with the weights, the upsampling and the origin of a file.
-
-        Args:
-            path: A safetensors file of ``graspmill weights export`` or of :meth:`save`; or a state dict of
-                ``torch.save``, alone or under ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither
-                upsampling nor origin, so VGN's are used: nearest upsampling, and the origin 50 mm behind the finger
-                tips, in the lower corner of its voxel.
-            upsampling: The upsampling, in place of the file's.
-        """
-        stated: dict[str, Any] = {}
-        with open(path, "rb") as file:
-            first = file.read(9)
-        if first[8:] != b"{":  # safetensors: the length of a JSON header, and the header
-            tensors = _state_dict(torch.load(os.fspath(path), map_location="cpu", weights_only=True))
-            stated = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
-        else:
-            from safetensors import safe_open
-
-            with safe_open(os.fspath(path), "pt") as weights:
-                stated = weights.metadata() or {}
-                # Our checkpoints state an origin only if it is not midway between the tips.
-                stated = {"origin_behind_tips_m": 0.0, **json.loads(stated["graspmill"])} if "graspmill" in stated else stated
-                tensors = {name: weights.get_tensor(name) for name in weights.keys() if not name.startswith("adam.")}
-        origin = {name: float(stated[name]) for name in ("origin_behind_tips_m", "voxel_offset") if name in stated}
-        net = cls(upsampling or stated.get("upsampling", "linear"), **origin)
-        net.load_state_dict(tensors, strict=True)
-        return net
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the weights for ``graspmill weights import``."""
-        from safetensors.torch import save_file
-
-        names = ("upsampling", "origin_behind_tips_m", "voxel_offset")
-        stated = {name: str(getattr(self, name)) for name in names}
-        save_file({name: tensor.contiguous() for name, tensor in self.state_dict().items()}, os.fspath(path), stated)
-
-
-def _state_dict(saved: Any) -> dict[str, Tensor]:
-    """The tensors of a saved state dict, without the name prefixes of wrappers."""
-    for name in ("state_dict", "model_state_dict", "model"):
-        saved = saved.get(name, saved) if isinstance(saved, dict) else saved
-    if not isinstance(saved, dict):
-        raise InputError(f"the file must hold a state dict, it holds {_arrays.shown(type(saved).__name__)}")
-    return {re.sub(r"^(module\.|_orig_mod\.)+", "", str(name)): tensor for name, tensor in saved.items()}
-
-
-def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tensor:
-    """The paper's loss (Eq. 1 to 5), a scalar: the cross-entropy of the quality and, for held grasps, the distance of
-    the orientation to the grasp or its half turn, whichever is nearer, plus 0.01 times the squared error of the opening
-    in voxels."""
-    label, target = batch["label"], batch["rotation"]
-    x, y, z, w = target.unbind(1)
-    turned = torch.stack([y, -x, w, -z], dim=1)
-    apart = torch.minimum(*(1.0 - (rotation * one).sum(1).abs() for one in (target, turned)))
-    terms = F.binary_cross_entropy(quality, label, reduction="none") + label * apart + 0.01 * label * (width - batch["width"]) ** 2
-    return terms.mean()
 
 
 if not TYPE_CHECKING:

@@ -7,6 +7,7 @@ use std::{mem, process};
 
 use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
 use inspect::{SceneFormat, export_scene, scene_view};
+use network::head::Head;
 use network::upsampling::Upsampling;
 use network::{GraspOrigin, VoxelParams};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -256,7 +257,7 @@ impl Dataset {
         let by = if by == "scene" { SplitBy::Scene } else { SplitBy::Attempt };
         let ([test_share, other_share], judge) = (shares, Judge { crops: self.crops().crops });
         let origin = GraspOrigin::behind_tips(origin_behind_tips_m);
-        let params = VoxelParams { upsampling: Upsampling::Linear, origin };
+        let params = VoxelParams { head: Head::Quaternion, upsampling: Upsampling::Linear, origin };
         let voxel = Voxel::new(params, Targets::Attempt, Device::Host);
         let (config, location) = (SplitConfig { by, test_share, other_share }, self.dataset.location());
         self.read()?;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use network::VoxelParams;
 use network::layers::initial_vector;
 use network::upsampling::Upsampling;
 use schema::{Purpose, Quat, Rule, Stream};
@@ -23,7 +24,8 @@ fn batch(scenes: usize) -> Batch<VoxelSample> {
     let samples = (0..48).map(|at| {
         let closings = Closings::Half;
         let (label, rotation) = ((at % 4 == 0).into(), Quat::IDENTITY);
-        let target = Target { label, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
+        let target =
+            Target { tips_voxels: [0.0; 3], label, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
         let voxel = [draw.index(40), draw.index(40), draw.index(40)];
         let id = SampleId { scene: 0, attempt: 0, rule: Rule::of_the_paper()[0] };
         Sample { id, grid: at * scenes / 48, data: VoxelSample { voxel, target, closings } }
@@ -34,18 +36,18 @@ fn batch(scenes: usize) -> Batch<VoxelSample> {
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
 fn train(bencher: divan::Bencher<'_, '_>, scenes: usize) {
     let (vector, batch) = (initial_vector(1), batch(scenes));
-    bencher.bench_local(|| step(&vector, &batch, Upsampling::Linear, &Device::Host));
+    bencher.bench_local(|| step(&vector, &batch, &VoxelParams::at_tips(Upsampling::Linear), &Device::Host));
 }
 
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
 fn train_by_graph(bencher: divan::Bencher<'_, '_>, scenes: usize) {
     let (vector, batch) = (initial_vector(1), batch(scenes));
     let device = Device::Burn(burn::tensor::Device::flex());
-    bencher.bench_local(|| step(&vector, &batch, Upsampling::Linear, &device));
+    bencher.bench_local(|| step(&vector, &batch, &VoxelParams::at_tips(Upsampling::Linear), &device));
 }
 
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
 fn test(bencher: divan::Bencher<'_, '_>, scenes: usize) {
     let (vector, batch) = (initial_vector(1), batch(scenes));
-    bencher.bench_local(|| evaluate(&vector, &batch, Upsampling::Linear, &Device::Host));
+    bencher.bench_local(|| evaluate(&vector, &batch, &VoxelParams::at_tips(Upsampling::Linear), &Device::Host));
 }

@@ -7,10 +7,33 @@ const BETA_1: f32 = 0.9;
 const BETA_2: f32 = 0.999;
 const EPSILON: f32 = 1e-8;
 
+/// Most that a step counts in the mean of the first steps, of which each counts alike: `(1 + n) / (10 + n)` of the mean
+/// stays, as long as that is less than the decay.
+const AVERAGED_FROM: f64 = 10.0;
+
+/// As [`step`], for parameters that are the running mean of those that the steps give: of them `decay` stays in a step.
+/// Means of the last steps are better than the last of them, as a step size that falls to 0 is (Polyak and Juditsky,
+/// 1992).
+pub fn averaged_step(
+    moments: &mut Option<Moments>,
+    (learning_rate, decay): (f64, f64),
+    mean: &mut [f32],
+    gradient: &[f32],
+) {
+    let mut point = moments.as_mut().and_then(|moments| moments.point.take()).unwrap_or_else(|| mean.to_vec());
+    step(moments, learning_rate, &mut point, gradient);
+    if let Some(moments) = moments {
+        let steps = moments.steps as f64;
+        let own = (1.0 - decay.min((1.0 + steps) / (AVERAGED_FROM + steps))) as f32;
+        mean.iter_mut().zip(&point).for_each(|(mean, point)| *mean += own * (point - *mean));
+        moments.point = Some(point);
+    }
+}
+
 /// Updates the parameters with a gradient. `moments` are `None` before the first step.
 pub fn step(moments: &mut Option<Moments>, learning_rate: f64, vector: &mut [f32], gradient: &[f32]) {
     let zeros = || vec![-0.0; vector.len()]; // adding −0 changes no bit of a number
-    let moments = moments.get_or_insert_with(|| Moments { steps: 0, first: zeros(), second: zeros() });
+    let moments = moments.get_or_insert_with(|| Moments { steps: 0, first: zeros(), second: zeros(), point: None });
     moments.steps += 1;
     let steps = moments.steps as i32;
     let correction_2 = (1.0 - BETA_2.powi(steps)).sqrt();
@@ -31,6 +54,29 @@ mod tests {
     use schema::{Purpose, Stream};
 
     use super::*;
+
+    /// Against the sum of all points with their weights, in f64.
+    #[test]
+    fn a_running_mean_goes_beside_the_same_steps() {
+        let mut draw = Stream::new(8, 0, Purpose::Weights, 0);
+        let mut draws = || -> Vec<f32> { (0..99).map(|_| draw.uniform(-1.0, 1.0)).collect() };
+        let first = draws();
+        let (mut plain, mut mean, mut moments, mut of_mean) = (first.clone(), first.clone(), None, None);
+        let mut slow: Vec<f64> = first.iter().map(|value| f64::from(*value)).collect();
+        for number in 1..=40 {
+            let gradient = draws();
+            step(&mut moments, 3e-2, &mut plain, &gradient);
+            averaged_step(&mut of_mean, (3e-2, 0.7), &mut mean, &gradient);
+            let kept = if number < 20 { f64::from(1 + number) / f64::from(10 + number) } else { 0.7 };
+            let kept = kept.min(0.7);
+            slow.iter_mut()
+                .zip(&plain)
+                .for_each(|(slow, point)| *slow = kept * *slow + (1.0 - kept) * f64::from(*point));
+        }
+        assert_eq!(of_mean.as_ref().unwrap().point.as_ref(), Some(&plain));
+        assert_eq!(of_mean.unwrap().second, moments.unwrap().second);
+        assert!(mean.iter().zip(slow).all(|(mean, slow)| (f64::from(*mean) - slow).abs() < 1e-5));
+    }
 
     #[test]
     fn steps_are_burns_to_the_bit() {

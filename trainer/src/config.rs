@@ -1,8 +1,8 @@
 //! The training recipe, each key as the type that training computes with.
 //!
-//! What goes beyond the paper (`[augmentation]`, `training.schedule`, `training.positive_weight`,
-//! `training.patience_epochs`) may be left out and then is off: recipes and checkpoints from before these keys stay
-//! good.
+//! What goes beyond the paper (`network.head`, `[augmentation]`, `training.schedule`, `training.positive_weight`,
+//! `training.average_decay`, `training.patience_epochs`) may be left out and then is off: recipes and checkpoints from
+//! before these keys stay good.
 
 use std::path::Path;
 
@@ -12,6 +12,7 @@ use settings::{Document, Reader, above, settings, words};
 
 use crate::schedule::Schedule;
 use crate::voxel::augmentation::Augmentation;
+use network::head::Head;
 use network::upsampling::Upsampling;
 use network::{BEHIND_TIPS_M_MAX, GraspOrigin, Kind, VoxelParams};
 
@@ -46,6 +47,8 @@ settings! {
     pub struct NetworkParams {
         /// Which network.
         pub kind: Kind; or Kind::Voxel,
+        /// What a network of voxels answers: the paper's orientation, or a hand by closing direction.
+        pub head: Head; or Head::Quaternion,
         /// How the decoder of the paper's network doubles its grids.
         pub upsampling: Upsampling; or Upsampling::Linear,
         /// Where the paper's network has the origin of a grasp: so far behind the finger tips, against the approach. 0
@@ -60,7 +63,8 @@ impl NetworkParams {
     /// What belongs to the paper's network besides its parameters.
     #[must_use]
     pub const fn voxel(&self) -> VoxelParams {
-        VoxelParams { upsampling: self.upsampling, origin: GraspOrigin::behind_tips(self.origin_behind_tips_m) }
+        let Self { head, upsampling, .. } = *self;
+        VoxelParams { head, upsampling, origin: GraspOrigin::behind_tips(self.origin_behind_tips_m) }
     }
 }
 
@@ -71,6 +75,9 @@ impl Serialize for NetworkParams {
         let mut table = serializer.serialize_struct("network", 1)?;
         match self.kind {
             Kind::Voxel => {
+                if self.head != Head::Quaternion {
+                    table.serialize_field("head", &self.head)?;
+                }
                 table.serialize_field("upsampling", &self.upsampling)?;
                 table.serialize_field("origin_behind_tips_m", &self.origin_behind_tips_m)?;
             }
@@ -97,6 +104,10 @@ settings! {
         pub schedule: Schedule; or Schedule::Constant,
         /// How much more a held attempt's quality loss counts than a failed one's; 1 is the paper's.
         pub positive_weight: f64 where above(0.0, 1000.0); or 1.0,
+        /// Share of the running mean of the weights that stays in a step; the mean is tested and saved. 0 for none, the
+        /// paper's.
+        #[serde(skip_serializing_if = "is_zero")]
+        pub average_decay: f64 where 0.0..=0.99999; or 0.0,
         /// Epochs without a better test accuracy after which training ends; 0 for never.
         pub patience_epochs: u32 where 0..=10_000; or 0,
         /// Samples of one scene that stay together in the order of an epoch: 1 is a plain shuffle; more share the
@@ -110,6 +121,11 @@ settings! {
         /// Which closing directions are right where an attempt held.
         pub closings: Closing; or Closing::Attempt,
     }
+}
+
+/// What is not stored, so that runs from before it can be resumed.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 words! {
@@ -188,6 +204,7 @@ impl Config {
     fn fits_the_network(&self, reader: &mut Reader<'_>) {
         let (network, training) = (&self.network, &self.training);
         let as_left_out = [
+            ("network.head", network.head == Head::Quaternion),
             ("network.upsampling", network.upsampling == Upsampling::Linear),
             ("network.origin_behind_tips_m", network.origin_behind_tips_m == 0.0),
             ("training.positive_weight", training.positive_weight == 1.0),
@@ -232,6 +249,7 @@ mod tests {
         let mut paper = Config::parse(GOOD, Path::new("paper.toml")).unwrap();
         paper.network.origin_behind_tips_m = 0.0;
         paper.training.samples_per_scene = 1;
+        paper.training.average_decay = 0.0;
         assert_eq!(config, paper);
         assert_eq!(config.augmentation, Augmentation::OFF);
         let TrainingParams { schedule, positive_weight, patience_epochs, .. } = config.training;

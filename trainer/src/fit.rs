@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use network::checkpoint::{Checkpoint, Progress};
+use network::head::Head;
 use network::judge::Scope;
-use network::{Architecture, Kind};
+use network::{Architecture, Kind, VoxelParams};
 use program::{ExitCode, Failure};
 use schema::Gripper;
 use shards::{Dataset, Location};
@@ -178,9 +179,10 @@ fn first_vector(architecture: &Architecture, config: &Config, from: Option<&Chec
     match from {
         None => Ok(architecture.initial_vector(config.seed)),
         Some(from) if can_begin_with(&from.architecture, architecture) => {
-            // What the other did not learn, the robustness, is the last layer.
+            // What the other did not learn, another head or the robustness, comes last.
             let mut vector = architecture.initial_vector(config.seed);
-            vector.iter_mut().zip(&from.vector).for_each(|(own, from)| *own = *from);
+            let shared = architecture.shared_parameters(&from.architecture);
+            vector[..shared].copy_from_slice(&from.vector[..shared]);
             Ok(vector)
         }
         Some(_) => Err(Failure::new(
@@ -190,11 +192,13 @@ fn first_vector(architecture: &Architecture, config: &Config, from: Option<&Chec
     }
 }
 
-/// Whether training may begin with another network's weights: a judge may come from other hands.
+/// Whether training may begin with another network's weights: a judge may come from other hands, a network of voxels
+/// from one with another head.
 fn can_begin_with(from: &Architecture, own: &Architecture) -> bool {
     match (from, own) {
         (Architecture::Judge(from), Architecture::Judge(own)) => from.is_on(&own.grid),
-        _ => from == own,
+        (Architecture::Voxel(from), Architecture::Voxel(own)) => VoxelParams { head: own.head, ..*from } == *own,
+        _ => false,
     }
 }
 
@@ -208,6 +212,9 @@ pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Devic
         Kind::Voxel if scope.hands.is_some() => {
             let text = "the voxel network has no gripper input: train it on data of one hand, or a judge on these";
             Err(Failure::new(ExitCode::Config, text))
+        }
+        Kind::Voxel if config.network.head == Head::Closings && *device != Device::Host => {
+            Err(Failure::new(ExitCode::Config, "a head by closing is trained on the host: --device cpu"))
         }
         Kind::Voxel => Ok(Architecture::Voxel(config.network.voxel())),
         Kind::Judge if *device != Device::Host => {
@@ -296,7 +303,9 @@ impl<M: Method> Training<'_, M> {
     }
 
     fn step(&self, state: &mut Checkpoint, batch: &Batch<M::Data>) -> Result<(), Failure> {
-        let result = self.samples.method.step(&state.vector, batch);
+        // Of averaged weights the steps go on from their own.
+        let own = state.moments.as_ref().and_then(|moments| moments.point.as_ref());
+        let result = self.samples.method.step(own.unwrap_or(&state.vector), batch);
         let samples = result.samples.len();
         let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / samples as f64;
         let number = state.progress.step + 1;
@@ -306,7 +315,12 @@ impl<M: Method> Training<'_, M> {
             return Err(Failure::new(ExitCode::Config, format!("{what} {number}: training.learning_rate is too high")));
         }
         let learning_rate = self.learning_rate(state.progress.step);
-        adam::step(&mut state.moments, learning_rate, &mut state.vector, &result.gradient);
+        match self.config.training.average_decay {
+            0.0 => adam::step(&mut state.moments, learning_rate, &mut state.vector, &result.gradient),
+            decay => {
+                adam::averaged_step(&mut state.moments, (learning_rate, decay), &mut state.vector, &result.gradient);
+            }
+        }
         let mut tally = Tally::of(&state.progress);
         tally.add(&result.samples);
         tally.store(&mut state.progress);

@@ -1,6 +1,7 @@
 //! The paper's voxel network in training: a sample is a voxel, the one that holds the grasp's origin.
 
 pub mod augmentation;
+pub mod closing_loss;
 mod errors;
 #[cfg(feature = "graph")]
 pub mod graph;
@@ -105,17 +106,18 @@ impl Method for Voxel {
             }
             target.quality_weight = weights.of(target.label);
             target.rotation = motion.rotation(target.rotation);
+            target.tips_voxels = motion.offset(target.tips_voxels);
             *voxel = motion.voxel(*voxel);
         }
         motion.grid(&scene.grid)
     }
 
     fn step(&self, vector: &[f32], batch: &Batch<VoxelSample>) -> StepResult {
-        step::step(vector, batch, self.params.upsampling, &self.device)
+        step::step(vector, batch, &self.params, &self.device)
     }
 
     fn evaluate(&self, vector: &[f32], batch: &Batch<VoxelSample>) -> Vec<SampleResult> {
-        step::evaluate(vector, batch, self.params.upsampling, &self.device)
+        step::evaluate(vector, batch, &self.params, &self.device)
     }
 
     fn own_scores(found: &[Found<VoxelSample>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<HandScores>) {
@@ -146,7 +148,8 @@ fn at_voxel(
     // Only a held object's width is a target.
     let width_m = attempt.width_m.filter(|_| label == 1).unwrap_or(0.0);
     let (rotation, width_voxels) = (pose.rotation, width_m / grid.voxel_size_m());
-    let target = Target { label, rotation, closings: Closings::Half, width_voxels, quality_weight: 1.0 };
+    let tips_voxels = ((pose.translation - grid.centre_m(voxel)) / grid.voxel_size_m()).to_array();
+    let target = Target { label, rotation, closings: Closings::Half, width_voxels, tips_voxels, quality_weight: 1.0 };
     // A damaged table may name an object that its scene does not have.
     let object = objects.get(attempt.object_id as usize).filter(|_| label == 1);
     let closings = object.map_or(Closings::Half, |object| closings(pose, object, gripper.opening_m_max));
@@ -222,7 +225,7 @@ mod tests {
         let sample = |attempt: u32, x: usize, label: u8| {
             let (rotation, closings) = (Quat::IDENTITY, Closings::Half);
             let width_voxels = f32::from(label) * attempt as f32;
-            let target = Target { label, rotation, width_voxels, quality_weight: 1.0, closings };
+            let target = Target { tips_voxels: [0.0; 3], label, rotation, width_voxels, quality_weight: 1.0, closings };
             let one = sample(0, [x, 1, 2], target);
             Sample { id: SampleId { attempt, ..one.id }, ..one }
         };

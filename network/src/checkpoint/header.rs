@@ -7,6 +7,7 @@ use program::Failure;
 use serde::{Deserialize, Serialize};
 
 use super::{Checkpoint, Progress, damaged, of_another_network};
+use crate::head::Head;
 use crate::judge::Scope;
 use crate::upsampling::Upsampling;
 use crate::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, VoxelParams};
@@ -15,6 +16,7 @@ use crate::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, VoxelParams};
 const FORMAT_VERSION: u32 = 1;
 /// The names of the networks in checkpoints.
 pub(crate) const VOXEL: &str = "vgn-conv-40";
+pub(crate) const CLOSINGS: &str = "closings-conv-40";
 pub(crate) const JUDGE: &str = "hand-judge-1";
 
 const KEY: &str = "graspmill";
@@ -45,7 +47,7 @@ pub(super) struct Stored {
 
 /// The keys that decide whether the rest can be understood.
 #[derive(Deserialize)]
-struct Head {
+struct Version {
     format_version: u32,
     architecture: String,
 }
@@ -55,7 +57,7 @@ type Metadata = std::collections::HashMap<String, String>;
 
 pub(super) fn write(checkpoint: &Checkpoint) -> Metadata {
     let (architecture, voxel, trained_for) = match &checkpoint.architecture {
-        Architecture::Voxel(params) => (VOXEL, Some(*params), None),
+        Architecture::Voxel(params) => (name_of(params.head), Some(*params), None),
         Architecture::Judge(scope) => (JUDGE, None, Some(scope.clone())),
     };
     let unusual = |value: fn(GraspOrigin) -> f32| {
@@ -78,6 +80,14 @@ pub(super) fn write(checkpoint: &Checkpoint) -> Metadata {
     Metadata::from([(KEY.to_owned(), text)])
 }
 
+/// The name of a network of voxels.
+pub(crate) const fn name_of(head: Head) -> &'static str {
+    match head {
+        Head::Quaternion => VOXEL,
+        Head::Closings => CLOSINGS,
+    }
+}
+
 pub(super) fn is_in(metadata: Option<&Metadata>) -> bool {
     metadata.is_some_and(|metadata| metadata.contains_key(KEY))
 }
@@ -89,17 +99,18 @@ pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<(Architec
         refused(format!("weights without the {KEY:?} header that says how they were made: not a checkpoint of trainer"))
     })?;
     let broken = |e: serde_json::Error| refused(format!("damaged {KEY:?} header: {e}"));
-    let Head { format_version, architecture } = serde_json::from_str(text).map_err(broken)?;
-    if ![VOXEL, JUDGE].contains(&architecture.as_str()) {
-        let problem = format!("architecture must be {VOXEL:?} or {JUDGE:?}, got {architecture:?}");
+    let Version { format_version, architecture }: Version = serde_json::from_str(text).map_err(broken)?;
+    if ![VOXEL, CLOSINGS, JUDGE].contains(&architecture.as_str()) {
+        let problem = format!("architecture must be {VOXEL:?}, {CLOSINGS:?} or {JUDGE:?}, got {architecture:?}");
         return Err(of_another_network(&[problem], path));
     }
     if format_version != FORMAT_VERSION {
         return Err(refused(format!("checkpoint format must be {FORMAT_VERSION}, got {format_version}")));
     }
     let mut stored: Stored = serde_json::from_str(text).map_err(broken)?;
-    let architecture = match (architecture.as_str(), stored.upsampling, stored.trained_for.take()) {
-        (VOXEL, Some(upsampling), None) => {
+    let head = Head::ALL.into_iter().find(|head| name_of(*head) == architecture);
+    let architecture = match (head, stored.upsampling, stored.trained_for.take()) {
+        (Some(head), Some(upsampling), None) => {
             let origin = GraspOrigin {
                 behind_tips_m: stored.origin_behind_tips_m.unwrap_or(GraspOrigin::TIPS.behind_tips_m),
                 voxel_offset: stored.voxel_offset.unwrap_or(GraspOrigin::TIPS.voxel_offset),
@@ -108,9 +119,9 @@ pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<(Architec
             {
                 return Err(refused(format!("damaged {KEY:?} header: {origin:?} is no place of a grasp's origin")));
             }
-            Architecture::Voxel(VoxelParams { upsampling, origin })
+            Architecture::Voxel(VoxelParams { head, upsampling, origin })
         }
-        (JUDGE, None, Some(scope)) => Architecture::Judge(scope),
+        (None, None, Some(scope)) => Architecture::Judge(scope),
         _ => {
             return Err(refused(format!(
                 "damaged {KEY:?} header: {architecture:?} has upsampling, a judge trained_for"

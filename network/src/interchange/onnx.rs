@@ -4,9 +4,10 @@
 //! readable by any runtime for ONNX 1.8 (November 2020) or later.
 
 use super::protobuf::Message;
-use crate::checkpoint::{Checkpoint, JUDGE, VOXEL};
+use crate::checkpoint::{Checkpoint, JUDGE, name_of};
+use crate::head::{Head, TURNS};
 use crate::judge::{self, BOX, CHANNELS, FACTS, OUTCOMES, WIDE_BOX, WIDE_CHANNELS};
-use crate::layers::{LAYERS, LayerShape, NORM_SQUARED_MIN};
+use crate::layers::{LayerShape, NORM_SQUARED_MIN};
 use crate::upsampling::Upsampling;
 use crate::{Architecture, VoxelParams};
 
@@ -21,15 +22,24 @@ const SIDE: i64 = 40;
 const INPUT: &str = "tsdf";
 /// Names and channels.
 const OUTPUTS: [(&str, i64); 3] = [("quality", 1), ("rotation", 4), ("width", 1)];
+const OUTPUTS_BY_CLOSING: [(&str, i64); 5] =
+    [("quality_logit", 3), ("approach", 3), ("turns", TURNS as i64), ("width", 3), ("tips", 3)];
 /// The scale of `Resize` along each axis.
 const SCALES: &str = "doubling.scales";
-const NORM_MIN: &str = "rotation.norm_squared_min";
+const NORM_MIN: &str = "norm_squared_min";
 
 const DOC: &str = "Volumetric grasp network. In: tsdf [batch, 1, 40, 40, 40], truncated signed distances in VGN's values \
                    ((d + 1) / 2 in [0, 1], 0 where nothing was seen), axes x, y, z of the workspace. Out, for every \
                    voxel: quality [batch, 1, ...], the chance that a grasp there holds; rotation [batch, 4, ...], the \
                    hand's orientation in the workspace as a unit quaternion x, y, z, w; width [batch, 1, ...], the \
                    opening in voxels.";
+
+const DOC_BY_CLOSING: &str = "Volumetric grasp network with a head by closing direction. In: tsdf as of the paper's network. \
+                              Out, for every voxel: approach [batch, 3, ...], the hand's direction as a unit vector; \
+                              turns [batch, 15, ...], how likely it holds closed along each of 15 directions over half a \
+                              turn about the approach; quality_logit and width (voxels), each [batch, 3, ...] as a, b, c \
+                              of a + b cos 2t + c sin 2t at turn t; tips [batch, 3, ...], the point between the finger \
+                              tips from the middle of the voxel, in voxels. graspmill.torch has the decoder.";
 
 /// The judge's inputs and outputs.
 const CROP: &str = "crop";
@@ -49,9 +59,12 @@ const JUDGE_DOC: &str = "A judge of hands. In: crop [batch, 4, 8, 20, 28] and su
 /// The ONNX file of a checkpoint's network.
 pub(super) fn model(checkpoint: &Checkpoint) -> Vec<u8> {
     let (name, doc, own) = match &checkpoint.architecture {
-        Architecture::Voxel(VoxelParams { upsampling, origin }) => (
-            VOXEL,
-            DOC,
+        Architecture::Voxel(VoxelParams { head, upsampling, origin }) => (
+            name_of(*head),
+            match head {
+                Head::Quaternion => DOC,
+                Head::Closings => DOC_BY_CLOSING,
+            },
             vec![
                 ("upsampling", upsampling.name().to_owned()),
                 ("origin_behind_tips_m", origin.behind_tips_m.to_string()),
@@ -90,10 +103,13 @@ pub(super) fn model(checkpoint: &Checkpoint) -> Vec<u8> {
 fn graph(checkpoint: &Checkpoint, name: &str) -> Message {
     let (nodes, constants, inputs, outputs) = match &checkpoint.architecture {
         Architecture::Voxel(params) => (
-            nodes(params.upsampling),
+            nodes(params),
             vec![constant(SCALES, &[5], &[1.0, 1.0, 2.0, 2.0, 2.0]), constant(NORM_MIN, &[1], &[NORM_SQUARED_MIN])],
             vec![volume(INPUT, 1)],
-            OUTPUTS.map(|(name, channels)| volume(name, channels)).to_vec(),
+            match params.head {
+                Head::Quaternion => OUTPUTS.map(|(name, channels)| volume(name, channels)).to_vec(),
+                Head::Closings => OUTPUTS_BY_CLOSING.map(|(name, channels)| volume(name, channels)).to_vec(),
+            },
         ),
         Architecture::Judge(scope) => {
             let volume = |name: &str, channels: usize, [x, y, z]: [usize; 3]| {
@@ -166,29 +182,48 @@ fn judge_nodes(has_robustness: bool) -> Vec<Message> {
     nodes
 }
 
-fn nodes(upsampling: Upsampling) -> Vec<Message> {
-    let [enc1, enc2, enc3, dec1, dec2, dec3, qual, rot, width] = LAYERS;
+fn nodes(params: &VoxelParams) -> Vec<Message> {
+    let (trunk, heads) = params.head.layers().split_at(6);
     let (mut nodes, mut x) = (Vec::new(), INPUT.to_owned());
-    for layer in [enc1, enc2, enc3, dec1, dec2, dec3] {
-        x = activated(&mut nodes, layer, &x);
-        if [dec1, dec2, dec3].contains(&layer) {
+    for (number, layer) in trunk.iter().enumerate() {
+        x = activated(&mut nodes, *layer, &x);
+        if number >= 3 {
             let doubled = format!("{}.doubled", layer.name);
-            nodes.push(doubling(upsampling, &x, &doubled));
+            nodes.push(doubling(params.upsampling, &x, &doubled));
             x = doubled;
         }
     }
-    let axes = [integers("axes", &[1]), integer("keepdims", 1)];
-    nodes.extend([
-        convolution(qual, &x, "quality.logit"),
-        node("Sigmoid", &["quality.logit"], "quality", &[]),
-        convolution(rot, &x, "rotation.raw"),
-        node("ReduceSumSquare", &["rotation.raw"], "rotation.norm_squared", &axes),
-        node("Max", &["rotation.norm_squared", NORM_MIN], "rotation.norm_squared_held", &[]),
-        node("Sqrt", &["rotation.norm_squared_held"], "rotation.norm", &[]),
-        node("Div", &["rotation.raw", "rotation.norm"], "rotation", &[]),
-        convolution(width, &x, "width"),
-    ]);
+    match (params.head, heads) {
+        (Head::Quaternion, [qual, rot, width]) => {
+            nodes.extend([
+                convolution(*qual, &x, "quality.logit"),
+                node("Sigmoid", &["quality.logit"], "quality", &[]),
+                convolution(*rot, &x, "rotation.raw"),
+                convolution(*width, &x, "width"),
+            ]);
+            nodes.extend(normalised("rotation"));
+        }
+        (_, heads) => {
+            let outputs = ["quality_logit", "approach.raw", "turns.logit", "width", "tips"];
+            nodes.extend(heads.iter().zip(outputs).map(|(layer, output)| convolution(*layer, &x, output)));
+            nodes.extend(normalised("approach"));
+            nodes.push(node("Softmax", &["turns.logit"], "turns", &[integer("axis", 1)]));
+        }
+    }
     nodes
+}
+
+/// From `NAME.raw` to vectors of length 1, along the channels.
+fn normalised(name: &str) -> [Message; 4] {
+    let axes = [integers("axes", &[1]), integer("keepdims", 1)];
+    let [raw, squared, held, norm] =
+        ["raw", "norm_squared", "norm_squared_held", "norm"].map(|part| format!("{name}.{part}"));
+    [
+        node("ReduceSumSquare", &[&raw], &squared, &axes),
+        node("Max", &[&squared, NORM_MIN], &held, &[]),
+        node("Sqrt", &[&held], &norm, &[]),
+        node("Div", &[&raw, &norm], name, &[]),
+    ]
 }
 
 /// Adds a layer and its ReLU; gives the name of their output.

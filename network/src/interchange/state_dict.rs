@@ -6,7 +6,8 @@ use half::{bf16, f16};
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
-use crate::layers::{ParameterSlot, parameter_slots, vector_of};
+use crate::head::Head;
+use crate::layers::{ParameterSlot, slots_of, vector_of};
 
 /// Prefixes that wrappers add to every name: `DataParallel`, `torch.compile`.
 const PREFIXES: [&str; 2] = ["module.", "_orig_mod."];
@@ -18,7 +19,9 @@ const PROBLEMS_MAX: usize = 6;
 /// The network's parameters from a file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Parameters {
-    /// In the order of [`parameter_slots`].
+    /// What the network answers at a voxel.
+    pub(super) head: Head,
+    /// In the order of [`slots_of`].
     pub(super) values: Vec<f32>,
     /// The prefix that was removed from every name.
     pub(super) prefix: String,
@@ -32,7 +35,9 @@ pub(super) struct Parameters {
 /// Missing and surplus tensors and wrong shapes.
 pub(super) fn parameters(tensors: &BTreeMap<String, TensorView<'_>>) -> Result<Parameters, Vec<String>> {
     let prefix = prefix(tensors);
-    let slots = parameter_slots();
+    let has_turns = tensors.contains_key(&format!("{prefix}conv_turn.weight"));
+    let head = if has_turns { Head::Closings } else { Head::Quaternion };
+    let slots = slots_of(head.layers());
     let values = vector_of(&slots, |slot| {
         let tensor = tensors.get(&format!("{prefix}{}", slot.name));
         slot_values(slot, tensor.ok_or_else(|| format!("{} is missing", slot.name))?)
@@ -44,7 +49,7 @@ pub(super) fn parameters(tensors: &BTreeMap<String, TensorView<'_>>) -> Result<P
     if problems.is_empty() {
         let floats = tensors.values().filter_map(|tensor| Some(float(tensor.dtype())?.0));
         let converted_from = floats.filter(|name| *name != "float32").collect::<BTreeSet<_>>().into_iter().collect();
-        return Ok(Parameters { values, prefix, converted_from });
+        return Ok(Parameters { head, values, prefix, converted_from });
     }
     let more = problems.len().saturating_sub(PROBLEMS_MAX);
     problems.truncate(PROBLEMS_MAX);

@@ -1,6 +1,6 @@
 //! Doubling a patch, and the transpose of it, by the taps of each row.
 
-use crate::receptive_field::axis_windows;
+use crate::receptive_field::{COARSEST, PatchSizes, axis_windows, window_from_whole_10};
 use crate::upsampling::Upsampling;
 
 /// The doubling of one axis of a patch: of which coarse positions each fine one is made, with weights.
@@ -63,10 +63,15 @@ impl Axis {
 pub(crate) struct Doubling([Axis; 3]);
 
 impl Doubling {
-    /// The three doublings around a voxel, coarsest first, from patches of `coarse` positions a side each.
-    pub(crate) fn around(voxel: [usize; 3], mode: Upsampling, coarse: [usize; 3]) -> [Self; 3] {
-        let windows = voxel.map(|coordinate| axis_windows(coordinate, mode));
-        core::array::from_fn(|level| Self(core::array::from_fn(|axis| Axis::new(&windows[axis][level], coarse[level]))))
+    /// The last two doublings around a voxel: of a whole volume of 10³, and of the patch that the last convolution
+    /// makes of it.
+    pub(crate) fn around(voxel: [usize; 3], mode: Upsampling) -> [Self; 2] {
+        let from_whole = voxel.map(|coordinate| Axis::new(&window_from_whole_10(coordinate, mode), 2 * COARSEST));
+        let from_patch = voxel.map(|coordinate| {
+            let [.., window] = axis_windows(coordinate, mode);
+            Axis::new(&window, PatchSizes::new(mode).conv3_out)
+        });
+        [Self(from_whole), Self(from_patch)]
     }
 
     /// The doubling of a whole volume of `n` positions a side, with so many zeros around what comes out.
@@ -104,10 +109,10 @@ mod tests {
         let mut draw = Stream::new(4, 0, Purpose::Views, 0);
         for mode in Upsampling::ALL {
             let sizes = crate::receptive_field::PatchSizes::new(mode);
-            let coarse = [5, sizes.conv2_out, sizes.conv3_out];
-            let fine = [sizes.conv2_in, sizes.conv3_in, sizes.heads_in];
+            let coarse = [10, sizes.conv3_out];
+            let fine = [sizes.conv3_in, sizes.heads_in];
             for voxel in [[0, 0, 0], [39, 20, 1], [17, 23, 39]] {
-                for (level, doubling) in Doubling::around(voxel, mode, coarse).iter().enumerate() {
+                for (level, doubling) in Doubling::around(voxel, mode).iter().enumerate() {
                     let mut values =
                         |side: usize| -> Vec<f32> { (0..side.pow(3) * 3).map(|_| draw.uniform(-1.0, 1.0)).collect() };
                     let (a, b) = (values(coarse[level]), values(fine[level]));

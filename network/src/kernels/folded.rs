@@ -12,15 +12,13 @@ use rayon::prelude::*;
 use crate::layers::LAYERS;
 use crate::upsampling::Upsampling;
 
-use super::parameters::{HEAD_COLUMNS, HEADS};
+use super::parameters::HEADS;
 use super::tile::LANES;
 
 /// Side of the kernel, at the fine level and at the coarse one.
 pub(crate) const KERNEL: usize = LAYERS[HEADS].kernel;
 /// Fine voxels of a coarse cell.
 pub(crate) const PHASES: usize = 8;
-/// Columns of the product: each phase's six heads.
-pub(crate) const COLUMNS: usize = PHASES * HEAD_COLUMNS;
 /// First, inner and last cells of an axis.
 const CLASSES: usize = 3;
 
@@ -29,7 +27,8 @@ const CHANNELS: usize = LAYERS[HEADS].channels_in;
 /// The heads at the coarse level.
 #[derive(Debug, Clone)]
 pub(crate) struct FoldedHeads {
-    /// For each class of cells `[kernel x, kernel y, kernel z, channels, phases, heads]`.
+    /// For each class of cells `[kernel x, kernel y, kernel z, channels, columns]`: each phase's outputs, padded to a
+    /// multiple of [`LANES`].
     weights: Vec<Vec<f32>>,
     bias: Vec<f32>,
 }
@@ -38,30 +37,34 @@ pub(crate) struct FoldedHeads {
 type Fold = Vec<f32>;
 
 impl FoldedHeads {
-    /// From the heads' stage, `[fan in, LANES]` and `[LANES]`, for a volume of `n` coarse cells a side.
-    pub(crate) fn new(weights: &[f32], bias: &[f32], n: usize, mode: Upsampling) -> Self {
+    /// From the heads' stage, `[fan in, columns]` and `[columns]`, of which the first `outputs` are used, for a volume
+    /// of `n` coarse cells a side.
+    pub(crate) fn new((weights, bias): (&[f32], &[f32]), outputs: usize, n: usize, mode: Upsampling) -> Self {
+        let columns = (PHASES * outputs).next_multiple_of(LANES);
         let padding = LAYERS[HEADS].padding() as isize;
         let fold = |cell: usize, phase: usize| -> Fold {
             let (cell, phase) = (cell as isize, phase as isize);
             mode.window(n, (2 * cell + phase - padding, KERNEL), (cell - padding, KERNEL))
         };
         let folds: Vec<[Fold; 2]> = [0, n / 2, n - 1].map(|cell| [fold(cell, 0), fold(cell, 1)]).to_vec();
-        let used: Vec<f32> = weights.chunks_exact(LANES).flat_map(|row| row[..HEAD_COLUMNS].to_vec()).collect();
+        let used: Vec<f32> = weights.chunks_exact(bias.len()).flat_map(|row| row[..outputs].to_vec()).collect();
         let classes = (0..CLASSES.pow(3)).into_par_iter().map(|class| {
             let axes = [class / (CLASSES * CLASSES), class / CLASSES % CLASSES, class % CLASSES];
-            let mut folded = vec![0.0; KERNEL.pow(3) * CHANNELS * COLUMNS];
+            let mut folded = vec![0.0; KERNEL.pow(3) * CHANNELS * columns];
             for phase in 0..PHASES {
                 let [x, y, z] = [0, 1, 2].map(|axis| &folds[axes[axis]][phase >> (2 - axis) & 1]);
                 let along_z = contract(&used, KERNEL.pow(2), z);
                 let along_y = contract(&along_z, KERNEL, y);
                 let of_phase = contract(&along_y, 1, x);
-                for (from, to) in of_phase.chunks_exact(HEAD_COLUMNS).zip(folded.chunks_exact_mut(COLUMNS)) {
-                    to[phase * HEAD_COLUMNS..][..HEAD_COLUMNS].copy_from_slice(from);
+                for (from, to) in of_phase.chunks_exact(outputs).zip(folded.chunks_exact_mut(columns)) {
+                    to[phase * outputs..][..outputs].copy_from_slice(from);
                 }
             }
             folded
         });
-        Self { weights: classes.collect(), bias: bias[..HEAD_COLUMNS].repeat(PHASES) }
+        let mut of_phases = bias[..outputs].repeat(PHASES);
+        of_phases.resize(columns, 0.0);
+        Self { weights: classes.collect(), bias: of_phases }
     }
 
     /// The class of a cell's coordinate in a volume of `n` cells a side.
@@ -75,11 +78,12 @@ impl FoldedHeads {
         }
     }
 
-    /// The weights of the cells of three classes, `[kernel³ · channels, COLUMNS]`.
+    /// The weights of the cells of three classes, `[kernel³ · channels, columns]`.
     pub(crate) fn weights(&self, [x, y, z]: [usize; 3]) -> &[f32] {
         &self.weights[(x * CLASSES + y) * CLASSES + z]
     }
 
+    /// What each column begins with.
     pub(crate) fn bias(&self) -> &[f32] {
         &self.bias
     }

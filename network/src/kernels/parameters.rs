@@ -10,17 +10,22 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 
 use super::tile::LANES;
-use crate::layers::{LAYERS, LayerShape, count_of};
+use crate::head::Head;
+use crate::layers::{LayerShape, count_of};
 
 /// Number of stages of the paper's network.
 pub(crate) const STAGES: usize = 7;
 /// The stage of its heads.
 pub(crate) const HEADS: usize = STAGES - 1;
-/// Columns of its heads that are used: logit, quaternion, width.
-pub(crate) const HEAD_COLUMNS: usize = 6;
 
-/// The layout of the paper's network.
-pub(crate) static VOXEL: LazyLock<Layout> = LazyLock::new(|| Layout::new(&LAYERS, HEADS));
+/// The layout of a network of voxels.
+pub(crate) fn voxel_layout(head: Head) -> &'static Layout {
+    static LAYOUTS: [LazyLock<Layout>; 2] = [
+        LazyLock::new(|| Layout::new(Head::Quaternion.layers(), HEADS)),
+        LazyLock::new(|| Layout::new(Head::Closings.layers(), HEADS)),
+    ];
+    &LAYOUTS[head as usize]
+}
 
 /// Where a stage's parameters lie among all.
 #[derive(Debug, Clone)]
@@ -152,10 +157,12 @@ mod tests {
 
     #[test]
     fn a_vector_comes_back_and_every_parameter_has_its_own_place() {
-        let vector: Vec<f32> = (1..=parameter_count()).map(|number| number as f32).collect();
-        let parameters = Parameters::from_vector(&VOXEL, &vector);
-        assert_eq!(parameters.to_vector(), vector);
-        assert_eq!(parameters.values.iter().filter(|value| **value != 0.0).count(), vector.len());
+        for head in Head::ALL {
+            let vector: Vec<f32> = (1..=count_of(head.layers())).map(|number| number as f32).collect();
+            let parameters = Parameters::from_vector(voxel_layout(head), &vector);
+            assert_eq!(parameters.to_vector(), vector);
+            assert_eq!(parameters.values.iter().filter(|value| **value != 0.0).count(), vector.len());
+        }
     }
 
     /// decoder.conv2, out 3, in 5, kernel (2, 0, 1): tap (2, 0), place (1, 5) of the run.
@@ -165,7 +172,7 @@ mod tests {
         assert_eq!(slot.name, "decoder.conv2.weight");
         let mut vector = vec![0.0; parameter_count()];
         vector[slot.start + (3 * 64 + 5) * 27 + 2 * 9 + 1] = 1.0;
-        let parameters = Parameters::from_vector(&VOXEL, &vector);
+        let parameters = Parameters::from_vector(voxel_layout(Head::Quaternion), &vector);
         let (tap, place, run) = (6, 64 + 5, 3 * 64);
         assert_eq!(parameters.stage(4).0[(tap * run + place) * 32 + 3], 1.0);
         assert_eq!(parameters.transposed(4)[(tap * 32 + 3) * run + place], 1.0);

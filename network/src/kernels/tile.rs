@@ -67,38 +67,49 @@ impl Forward<'_> {
     /// All rows, `R` vectors of columns from vector `first` on; gives `R`.
     #[inline(always)]
     fn rows<S: Simd, const T: usize, const R: usize>(&mut self, simd: S, first: usize) -> usize {
+        // The first layer's runs are so short that their loop costs more than its sums, unless its length is known.
+        match self.run {
+            5 => self.rows_of::<S, T, R, 5>(simd, first),
+            _ => self.rows_of::<S, T, R, 0>(simd, first),
+        }
+    }
+
+    /// With runs of `RUN` values, or of any number if it is 0.
+    #[inline(always)]
+    fn rows_of<S: Simd, const T: usize, const R: usize, const RUN: usize>(&mut self, simd: S, first: usize) -> usize {
         let (rows, rest) = self.rows.as_chunks::<T>();
         let (places, places_of_rest) = self.places.as_chunks::<T>();
         for (rows, places) in rows.iter().zip(places) {
-            self.tile::<S, T, R>(simd, first, rows, places);
+            self.tile::<S, T, R, RUN>(simd, first, rows, places);
         }
         // One row at a time would wait for each product.
         let (rows, rest) = rest.as_chunks::<4>();
         let (places, places_of_rest) = places_of_rest.as_chunks::<4>();
         for (rows, places) in rows.iter().zip(places) {
-            self.tile::<S, 4, R>(simd, first, rows, places);
+            self.tile::<S, 4, R, RUN>(simd, first, rows, places);
         }
         for (row, place) in rest.iter().zip(places_of_rest) {
-            self.tile::<S, 1, R>(simd, first, &[*row], &[*place]);
+            self.tile::<S, 1, R, RUN>(simd, first, &[*row], &[*place]);
         }
         R
     }
 
     #[inline(always)]
-    fn tile<S: Simd, const T: usize, const R: usize>(
+    fn tile<S: Simd, const T: usize, const R: usize, const RUN: usize>(
         &mut self,
         simd: S,
         first: usize,
         rows: &[usize; T],
         places: &[usize; T],
     ) {
+        let run = if RUN > 0 { RUN } else { self.run };
         let pitch = self.start.len() / S::F32_LANES;
         let weights = S::as_simd_f32s(self.weights).0;
         let start = &S::as_simd_f32s(self.start).0[first..][..R];
         let mut sums: [[S::f32s; R]; T] = [core::array::from_fn(|r| start[r]); T];
-        for (tap, weights) in self.taps.iter().zip(weights.chunks_exact(self.run * pitch)) {
-            let inputs: [&[f32]; T] = core::array::from_fn(|t| &self.inputs[rows[t] + tap..][..self.run]);
-            for k in 0..self.run {
+        for (tap, weights) in self.taps.iter().zip(weights.chunks_exact(run * pitch)) {
+            let inputs: [&[f32]; T] = core::array::from_fn(|t| &self.inputs[rows[t] + tap..][..run]);
+            for k in 0..run {
                 let weights = &weights[k * pitch + first..][..R];
                 for t in 0..T {
                     let input = simd.splat_f32s(inputs[t][k]);
@@ -283,6 +294,7 @@ impl WithSimd for Weights<'_> {
                 (LANES, 4) => self.blocks::<S, 1, 6, 4>(simd, first),
                 (LANES, _) if vectors - first >= 2 => self.blocks::<S, 1, 12, 2>(simd, first),
                 (_, 1) => self.blocks::<S, 1, 10, 1>(simd, first),
+                _ if self.run == 5 => self.blocks::<S, 1, 5, 2>(simd, first),
                 _ => self.blocks::<S, 1, 6, 2>(simd, first),
             };
         }

@@ -33,6 +33,7 @@ pub fn batch<M: Method>(
 mod tests {
     use std::sync::Arc;
 
+    use network::head::Head;
     use network::upsampling::Upsampling;
     use network::{GraspOrigin, VoxelParams};
     use schema::{Quat, Rule};
@@ -47,7 +48,7 @@ mod tests {
     use crate::voxel::{Voxel, VoxelSample};
 
     fn method() -> Voxel {
-        let params = VoxelParams { upsampling: Upsampling::Linear, origin: GraspOrigin::TIPS };
+        let params = VoxelParams { head: Head::Quaternion, upsampling: Upsampling::Linear, origin: GraspOrigin::TIPS };
         Voxel::new(params, Targets::Attempt, Device::Host)
     }
 
@@ -59,6 +60,7 @@ mod tests {
                 data: VoxelSample {
                     voxel: [3, 30, 8 + 3 * attempt as usize],
                     target: Target {
+                        tips_voxels: [0.0; 3],
                         label: u8::from(attempt == 0),
                         rotation: Quat::from_xyzw(0.0, 0.6, 0.0, 0.8),
                         closings: Closings::Half,
@@ -100,7 +102,7 @@ mod tests {
     #[test]
     fn a_scenes_samples_move_with_its_grid_whatever_batch_they_are_in() {
         let scenes = scenes();
-        let augmentation = Augmentation { quarter_turns: true, shift_z_voxels_max: 30 };
+        let augmentation = Augmentation { quarter_turns: true, mirrors: true, shift_z_voxels_max: 30 };
         let weights = ClassWeights::new(3.0, 3, 12);
         let method = Voxel { augmentation, positive_weight: 3.0, any_closing: true, ..method() };
         let mut moved = 0;

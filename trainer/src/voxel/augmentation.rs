@@ -1,17 +1,18 @@
 //! Turned and shifted training scenes, after VGN's augmentation (`apply_transform` in its `src/vgn/dataset.py`).
 //!
-//! A scene is turned by a number of quarter turns about the vertical through the middle of the volume, and shifted up
-//! or down by whole voxels. Both map voxels to voxels, so the grid is permuted, never interpolated; the supervised
-//! voxel and the grasp's orientation move along, and a half turn about the approach stays one. What is shifted out at
-//! one end is lost and zeros enter at the other: in VGN's value convention 0 is "not observed or far from a surface",
-//! and VGN fills with it too.
+//! A scene is turned by a number of quarter turns about the vertical through the middle of the volume, mirrored, and
+//! shifted up or down by whole voxels. All map voxels to voxels, so the grid is permuted, never interpolated; the
+//! supervised voxel and the grasp's orientation move along, and a half turn about the approach stays one. What is
+//! shifted out at one end is lost and zeros enter at the other: in VGN's value convention 0 is "not observed or far
+//! from a surface", and VGN fills with it too.
 //!
 //! Where it differs from VGN, and why. VGN draws for each sample; here the samples of a scene move together within an
 //! epoch, so that its grid is still encoded once for all of them, and the draw is a pure function of (seed, epoch,
 //! scene), whatever batches the samples are in. VGN moves the supervised voxel to a height drawn from U(6, 34); here
 //! the scene is shifted by a whole number up to a limit, and never so far that one of its samples leaves the volume.
 //! VGN turns about voxel 20, half a voxel beside the middle, and loses a row of voxels; here nothing is lost in
-//! turning.
+//! turning. VGN does not mirror. A mirrored scene is as likely as the scene, because gravity, the four shapes and the
+//! hand have a plane of symmetry; its hand is the mirrored one with its fingers exchanged.
 
 use core::f32::consts::FRAC_1_SQRT_2;
 use core::ops::RangeInclusive;
@@ -29,32 +30,45 @@ settings! {
     pub struct Augmentation {
         /// Turns by 0°, 90°, 180° or 270° about the vertical, each as likely.
         pub quarter_turns: bool; or false,
+        /// Mirrored in a vertical plane, or not, each as likely.
+        #[serde(skip_serializing_if = "is_off")]
+        pub mirrors: bool; or false,
         /// Most voxels by which a scene is shifted up or down.
         pub shift_z_voxels_max: usize where 0..=RESOLUTION - 1; or 0,
     }
 }
 
+/// What is not stored, so that runs from before it can be resumed.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_off(value: &bool) -> bool {
+    !value
+}
+
 impl Augmentation {
     /// None: the paper's.
-    pub const OFF: Self = Self { quarter_turns: false, shift_z_voxels_max: 0 };
+    pub const OFF: Self = Self { quarter_turns: false, mirrors: false, shift_z_voxels_max: 0 };
 
     /// The motion of a scene in an epoch, whose samples lie at heights of `samples_z` voxels: of the shifts that keep
     /// them in the volume, each is as likely.
     #[must_use]
     pub fn draw(&self, seed: u64, epoch: u32, scene: u64, samples_z: RangeInclusive<usize>) -> Motion {
         let mut stream = Stream::new(seed, scene, Purpose::Augmentation, epoch);
-        // Drawn whether wanted or not, so that the shifts are the same with turns and without.
+        // Drawn whether wanted or not, so that each motion is the same with others and without.
         let turns = stream.index(4);
         let down = self.shift_z_voxels_max.min(*samples_z.start());
         let up = self.shift_z_voxels_max.min(RESOLUTION - 1 - samples_z.end());
-        let shift = stream.index(down + up + 1) as isize - down as isize;
-        Motion { quarter_turns: if self.quarter_turns { turns } else { 0 }, shift_z_voxels: shift }
+        let shift_z_voxels = stream.index(down + up + 1) as isize - down as isize;
+        let mirrored = self.mirrors & (stream.index(2) == 1);
+        Motion { mirrored, quarter_turns: if self.quarter_turns { turns } else { 0 }, shift_z_voxels }
     }
 }
 
-/// A motion that maps voxels to voxels: quarter turns about the volume's vertical axis (x to y), then a shift along z.
+/// A motion that maps voxels to voxels: a reflection of x in the middle of the volume, then quarter turns about its
+/// vertical axis (x to y), then a shift along z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Motion {
+    /// Whether it is a reflection.
+    pub mirrored: bool,
     /// Quarter turns, 0 to 3.
     pub quarter_turns: usize,
     /// Voxels upwards.
@@ -63,7 +77,7 @@ pub struct Motion {
 
 impl Motion {
     /// Everything stays.
-    pub const NONE: Self = Self { quarter_turns: 0, shift_z_voxels: 0 };
+    pub const NONE: Self = Self { mirrored: false, quarter_turns: 0, shift_z_voxels: 0 };
 
     /// A grid of 40³ values after the motion; the same grid if nothing moves.
     #[must_use]
@@ -95,7 +109,14 @@ impl Motion {
         [i, j, k.expect("a scene is never shifted so far that a sample leaves the volume")]
     }
 
-    /// An orientation after the motion.
+    /// An offset from a voxel after the motion.
+    #[must_use]
+    pub fn offset(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let [x, y] = (0..self.quarter_turns).fold([if self.mirrored { -x } else { x }, y], |[x, y], _| [-y, x]);
+        [x, y, z]
+    }
+
+    /// A hand's orientation after the motion. A mirrored hand has its fingers exchanged, which makes it a rotation.
     #[must_use]
     pub fn rotation(&self, rotation: Quat) -> Quat {
         let half = [
@@ -104,10 +125,13 @@ impl Motion {
             Quat::from_xyzw(0.0, 0.0, 1.0, 0.0),
             Quat::from_xyzw(0.0, 0.0, FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
         ];
+        let Quat { x, y, z, w } = rotation;
+        let rotation = if self.mirrored { Quat::from_xyzw(x, -y, -z, w) } else { rotation };
         if self.quarter_turns == 0 { rotation } else { half[self.quarter_turns % 4] * rotation }
     }
 
-    fn turn(&self, column: [usize; 2]) -> [usize; 2] {
+    fn turn(&self, [i, j]: [usize; 2]) -> [usize; 2] {
+        let column = [if self.mirrored { RESOLUTION - 1 - i } else { i }, j];
         (0..self.quarter_turns).fold(column, |[i, j], _| [RESOLUTION - 1 - j, i])
     }
 }
@@ -126,20 +150,24 @@ mod tests {
     }
 
     fn motions() -> impl Iterator<Item = Motion> {
-        (0..4).flat_map(|quarter_turns| [-9, 0, 4].map(|shift_z_voxels| Motion { quarter_turns, shift_z_voxels }))
+        let turns = (0..8).map(|number| (number >= 4, number % 4));
+        turns.flat_map(|(mirrored, quarter_turns)| {
+            [-9, 0, 4].map(|shift_z_voxels| Motion { mirrored, quarter_turns, shift_z_voxels })
+        })
     }
 
-    /// A point, in voxels, after the motion: by the closed form of a rotation about the middle.
+    /// A point, in voxels, after the motion: by the closed form of a reflection and a rotation about the middle.
     fn moved(motion: Motion, point: Vec3) -> Vec3 {
         let (sin, cos) = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][motion.quarter_turns];
         let (x, y) = (point.x - N as f32 / 2.0, point.y - N as f32 / 2.0);
+        let x = if motion.mirrored { -x } else { x };
         Vec3::new(cos * x - sin * y, sin * x + cos * y, 0.0)
             + Vec3::new(N as f32 / 2.0, N as f32 / 2.0, point.z + motion.shift_z_voxels as f32)
     }
 
     #[test]
     fn four_quarter_turns_are_none() {
-        let turn = Motion { quarter_turns: 1, shift_z_voxels: 0 };
+        let turn = Motion { quarter_turns: 1, ..Motion::NONE };
         let grid = grid_of(|p| p.x + 100.0 * p.y + 10_000.0 * p.z);
         let back = (0..4).fold(Arc::clone(&grid), |grid, _| turn.grid(&grid));
         assert_eq!(back, grid);
@@ -149,7 +177,7 @@ mod tests {
         let back = (0..4).fold(rotation, |rotation, _| turn.rotation(rotation));
         assert!(back.dot(rotation).abs() > 1.0 - 1e-6, "{back} {rotation}");
         for quarter_turns in 0..4 {
-            let (at_once, one_by_one) = (Motion { quarter_turns, shift_z_voxels: 0 }, vec![turn; quarter_turns]);
+            let (at_once, one_by_one) = (Motion { quarter_turns, ..Motion::NONE }, vec![turn; quarter_turns]);
             assert_eq!(at_once.grid(&grid), one_by_one.iter().fold(Arc::clone(&grid), |grid, turn| turn.grid(&grid)));
             let apart = one_by_one.iter().fold(rotation, |rotation, turn| turn.rotation(rotation));
             assert!(apart.dot(at_once.rotation(rotation)).abs() > 1.0 - 1e-6);
@@ -190,13 +218,17 @@ mod tests {
             for motion in motions() {
                 let after = motion.grid(&grid);
                 let (voxel_after, rotation_after) = (motion.voxel(voxel), motion.rotation(rotation));
+                let offset = Vec3::from_array(motion.offset((rotation * Vec3::Z).to_array()));
+                assert!((offset - rotation_after * Vec3::Z).length() < 1e-5, "{motion:?}");
                 assert_eq!(value(&after, voxel_after), value(&grid, voxel));
                 let turned = motion.rotation(half_turn(rotation)).dot(half_turn(rotation_after));
                 assert!(turned.abs() > 1.0 - 1e-5, "a half turn stays one: {turned}");
                 for part in [Vec3::Y * width / 2.0, Vec3::Y * -width / 2.0, Vec3::Z * -8.0, Vec3::X * 3.0] {
                     let middle = |[i, j, k]: [usize; 3]| Vec3::new(i as f32, j as f32, k as f32) + 0.5;
                     let was = middle(voxel) + rotation * part;
-                    let is = middle(voxel_after) + rotation_after * part;
+                    // Of a mirrored hand, what was on one side is on the other.
+                    let own = if motion.mirrored { Vec3::new(-part.x, part.y, part.z) } else { part };
+                    let is = middle(voxel_after) + rotation_after * own;
                     assert!((is - moved(motion, was)).length() < 1e-4, "{motion:?}: {is} {}", moved(motion, was));
                     if clear(was) {
                         assert_eq!(value(&after, voxel_at(is)), value(&grid, voxel_at(was)), "{motion:?}");
@@ -210,21 +242,25 @@ mod tests {
 
     #[test]
     fn draws_are_of_seed_epoch_and_scene_and_keep_samples_inside() {
-        let both = Augmentation { quarter_turns: true, shift_z_voxels_max: 5 };
+        let both = Augmentation { quarter_turns: true, mirrors: true, shift_z_voxels_max: 5 };
         let draw = |augmentation: Augmentation, scene| augmentation.draw(3, 2, scene, 2..=38);
-        let mut turns = [0; 4];
+        let (mut turns, mut mirrored) = ([0; 4], 0);
         for scene in 0..4000 {
             let motion = draw(both, scene);
             assert_eq!(motion, draw(both, scene));
             assert!((-2..=1).contains(&motion.shift_z_voxels));
             turns[motion.quarter_turns] += 1;
+            mirrored += usize::from(motion.mirrored);
             let turned = draw(Augmentation { shift_z_voxels_max: 0, ..both }, scene);
             assert_eq!(turned, Motion { shift_z_voxels: 0, ..motion });
             let shifted = draw(Augmentation { quarter_turns: false, ..both }, scene);
             assert_eq!(shifted, Motion { quarter_turns: 0, ..motion });
+            let unmirrored = draw(Augmentation { mirrors: false, ..both }, scene);
+            assert_eq!(unmirrored, Motion { mirrored: false, ..motion });
             assert_eq!(draw(Augmentation::OFF, scene), Motion::NONE);
         }
         assert!(turns.iter().all(|count| (880..1120).contains(count)), "{turns:?}");
+        assert!((1850..2150).contains(&mirrored), "{mirrored}");
         let others = (0..50).filter(|scene| both.draw(3, 3, *scene, 2..=38) != draw(both, *scene)).count();
         assert!(others > 30, "another epoch draws anew: {others}");
     }

@@ -14,7 +14,7 @@
 
 use core::f32::consts::FRAC_1_SQRT_2;
 
-use network::HEAD_OUTPUTS;
+use network::head::Head;
 use network::layers::NORM_SQUARED_MIN;
 use schema::Quat;
 
@@ -46,6 +46,8 @@ pub struct Target {
     pub closings: Closings,
     /// Opening width in voxels; counts only where `label` is 1.
     pub width_voxels: f32,
+    /// The point between the finger tips as seen from the middle of the voxel, in voxels, for heads that say it.
+    pub tips_voxels: [f32; 3],
     /// Weight of Eq. 2 for this sample; 1 in the paper and in all tests.
     pub quality_weight: f32,
 }
@@ -152,16 +154,38 @@ fn exp_minus_abs(logit: f32) -> f32 {
     (-logit.abs()).exp()
 }
 
-/// The loss of one sample whose heads gave `heads`: logit, quaternion before its normalisation, width in voxels.
-#[must_use]
-pub fn sample_loss(heads: &[f32; HEAD_OUTPUTS], target: &Target) -> SampleResult {
-    let [logit, x, y, z, w, width] = *heads;
-    let label = f32::from(target.label);
+/// L_q times the sample's weight.
+pub(super) fn quality_loss(logit: f32, target: &Target) -> f32 {
     // −y ln σ(z) − (1 − y) ln(1 − σ(z)) = max(z, 0) − z y + ln(1 + e^−|z|)
-    let quality = positive_part(logit, logit) - logit * label + exp_minus_abs(logit).ln_1p();
-    let quality = quality * target.quality_weight; // multiplying by 1 changes no bit
+    let quality = positive_part(logit, logit) - logit * f32::from(target.label) + exp_minus_abs(logit).ln_1p();
+    quality * target.quality_weight // multiplying by 1 changes no bit
+}
+
+/// The slope of `weight` times [`quality_loss`].
+pub(super) fn quality_slope(logit: f32, target: &Target, weight: f32) -> f32 {
+    let d_quality = weight * target.quality_weight;
+    let exp = exp_minus_abs(logit);
+    let d_exp = d_quality * (1.0 / (exp + 1.0));
+    let d_abs = -(d_exp * exp) * sign(logit);
+    positive_part(logit, d_quality) + (-d_quality * f32::from(target.label) + d_abs)
+}
+
+/// L_r of a predicted unit quaternion xyzw.
+pub(super) fn apart(unit: [f32; 4], target: &Target) -> f32 {
+    -dot(unit, nearest(unit, target)).abs() + 1.0
+}
+
+/// The outputs of the paper's head at a voxel: logit, quaternion before its normalisation, width in voxels.
+pub type Outputs = [f32; Head::Quaternion.outputs()];
+
+/// The loss of one sample with these outputs.
+#[must_use]
+pub fn sample_loss(outputs: &Outputs, target: &Target) -> SampleResult {
+    let [logit, x, y, z, w, width] = *outputs;
+    let label = f32::from(target.label);
+    let quality = quality_loss(logit, target);
     let unit = Rotation::new([x, y, z, w]).unit;
-    let rotation = (-dot(unit, nearest(unit, target)).abs() + 1.0) * label;
+    let rotation = apart(unit, target) * label;
     let off = width - target_width(target);
     let width = off * off * label;
     let total = quality + rotation + width * WIDTH_WEIGHT;
@@ -169,17 +193,12 @@ pub fn sample_loss(heads: &[f32; HEAD_OUTPUTS], target: &Target) -> SampleResult
     SampleResult { total, quality, quality_logit: logit, label: target.label, grasp, clearance: None, robustness: None }
 }
 
-/// The gradient of `weight` · L at the heads.
+/// The gradient of `weight` · L at the outputs.
 #[must_use]
-pub fn loss_gradient(heads: &[f32; HEAD_OUTPUTS], target: &Target, weight: f32) -> [f32; HEAD_OUTPUTS] {
-    let [logit, x, y, z, w, width] = *heads;
+pub fn loss_gradient(outputs: &Outputs, target: &Target, weight: f32) -> Outputs {
+    let [logit, x, y, z, w, width] = *outputs;
     let label = f32::from(target.label);
-
-    let d_quality = weight * target.quality_weight;
-    let exp = exp_minus_abs(logit);
-    let d_exp = d_quality * (1.0 / (exp + 1.0));
-    let d_abs = -(d_exp * exp) * sign(logit);
-    let d_logit = positive_part(logit, d_quality) + (-d_quality * label + d_abs);
+    let d_logit = quality_slope(logit, target, weight);
 
     let rotation = Rotation::new([x, y, z, w]);
     let nearest = nearest(rotation.unit, target);
@@ -205,7 +224,7 @@ mod tests {
     use super::*;
     use schema::{Vec3, axis_angle};
 
-    fn heads(logit: f32, rotation: Quat, width: f32) -> [f32; HEAD_OUTPUTS] {
+    fn heads(logit: f32, rotation: Quat, width: f32) -> Outputs {
         let [x, y, z, w] = rotation.to_array();
         [logit, x, y, z, w, width]
     }
@@ -219,7 +238,14 @@ mod tests {
     #[test]
     fn a_half_turn_and_the_quaternions_sign_cost_nothing() {
         let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
-        let target = Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings: Closings::Half };
+        let target = Target {
+            tips_voxels: [0.0; 3],
+            label: 1,
+            rotation,
+            width_voxels: 5.0,
+            quality_weight: 1.0,
+            closings: Closings::Half,
+        };
         for same in [rotation, -rotation, half_turn(rotation), -half_turn(rotation)] {
             let [_, _, apart, width] = losses(0.0, same, 7.0, target);
             assert!(apart.abs() < 1e-6, "{same}: {apart}");
@@ -230,7 +256,14 @@ mod tests {
     #[test]
     fn more_closings_cost_nothing_and_others_what_is_left_to_the_nearest() {
         let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
-        let target = |closings| Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
+        let target = |closings| Target {
+            tips_voxels: [0.0; 3],
+            label: 1,
+            rotation,
+            width_voxels: 5.0,
+            quality_weight: 1.0,
+            closings,
+        };
         let apart =
             |turn_rad: f32, closings| losses(0.0, rotation * axis_angle(Vec3::Z, turn_rad), 5.0, target(closings))[2];
         for degrees in -360_i32..360 {
@@ -254,7 +287,8 @@ mod tests {
     fn gradients_of_all_closings_are_the_slopes_of_the_loss() {
         let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
         for closings in [Closings::Half, Closings::Quarter, Closings::Any] {
-            let target = Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
+            let target =
+                Target { tips_voxels: [0.0; 3], label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
             for (turn, tilt) in [(0.2, 0.3), (0.7, -0.5), (1.9, 0.1), (-2.6, 0.4)] {
                 let heads = heads(0.3, rotation * axis_angle(Vec3::Z, turn) * axis_angle(Vec3::X, tilt), 4.0);
                 let gradient = loss_gradient(&heads, &target, 1.0);
@@ -274,6 +308,7 @@ mod tests {
     #[test]
     fn failures_teach_the_quality_only() {
         let target = Target {
+            tips_voxels: [0.0; 3],
             label: 0,
             rotation: Quat::IDENTITY,
             width_voxels: f32::NAN,
@@ -289,6 +324,7 @@ mod tests {
     #[test]
     fn the_loss_stays_finite_for_sure_predictions() {
         let sure_and_wrong = Target {
+            tips_voxels: [0.0; 3],
             label: 0,
             rotation: Quat::IDENTITY,
             width_voxels: 0.0,
@@ -309,6 +345,7 @@ mod tests {
         for (label, logit) in [(0_u8, -1.3_f32), (0, 0.4), (1, -1.3), (1, 0.4)] {
             let weight = weights.of(label);
             let target = Target {
+                tips_voxels: [0.0; 3],
                 label,
                 rotation: Quat::IDENTITY,
                 width_voxels: 5.0,

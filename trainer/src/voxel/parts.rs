@@ -77,6 +77,7 @@ mod tests {
 
     fn batch(grid_of_sample: &[usize]) -> Batch<VoxelSample> {
         let target = Target {
+            tips_voxels: [0.0; 3],
             label: 0,
             rotation: Quat::IDENTITY,
             width_voxels: 0.0,

@@ -2,6 +2,7 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use network::DenseNetwork;
+use network::head::Head;
 use network::upsampling::Upsampling;
 use trainer::voxel::graph;
 
@@ -22,7 +23,8 @@ fn inference_is_the_plain_network_everywhere() {
     let device = Device::flex();
     let vector = parameters();
     for mode in Upsampling::ALL {
-        let (parameters, dense) = (graph::to_device(&vector, &device), DenseNetwork::new(&vector, mode));
+        let (parameters, dense) =
+            (graph::to_device(&vector, &device), DenseNetwork::new(&vector, mode, Head::Quaternion));
         for number in 0..2 {
             let grid = grid(number);
             let ours = dense.infer(&grid);

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::formula::{grid, noise, parameters, relative_error, sample};
 use burn::tensor::{Device, Tensor, TensorData};
+use network::VoxelParams;
 use network::layers::parameter_slots;
 use network::upsampling::Upsampling;
 use schema::Quat;
@@ -25,8 +26,14 @@ fn batch(voxels: &[[usize; 3]]) -> Batch<VoxelSample> {
         let part = |number: usize| 2.0 * draw[number] as f32 - 1.0;
         let rotation = Quat::from_xyzw(part(0), part(1), part(2), part(3)).normalize();
         let (width_voxels, quality_weight) = (5.0 + 4.0 * part(4), [1.0, 0.7, 1.9][at % 3]);
-        let target =
-            Target { label: u8::from(at % 3 != 1), rotation, width_voxels, quality_weight, closings: Closings::Half };
+        let target = Target {
+            tips_voxels: [0.0; 3],
+            label: u8::from(at % 3 != 1),
+            rotation,
+            width_voxels,
+            quality_weight,
+            closings: Closings::Half,
+        };
         sample(0, *voxel, target)
     });
     Batch { grids: vec![Arc::from(grid(0))], samples: samples.collect() }
@@ -60,7 +67,7 @@ fn check(voxels: &[[usize; 3]]) {
     for mode in Upsampling::ALL {
         let (vector, batch) = (parameters(), batch(voxels));
         let (dense_losses, dense_gradient) = dense(&vector, &batch, mode);
-        let result = step(&vector, &batch, mode, &Host);
+        let result = step(&vector, &batch, &VoxelParams::at_tips(mode), &Host);
         for ((sample, expected), voxel) in result.samples.iter().zip(&dense_losses).zip(voxels) {
             let error = f64::from((sample.total - expected).abs() / expected.abs());
             assert!(error <= TOLERANCE, "{mode:?}, voxel {voxel:?}: loss {} against {expected}", sample.total);

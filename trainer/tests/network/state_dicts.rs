@@ -2,6 +2,7 @@
 
 use half::{bf16, f16};
 use network::checkpoint;
+use network::head::Head;
 use network::interchange::{GivenParams, IMPORTED, Imported, Target, export, import};
 use network::layers::parameter_slots;
 use network::upsampling::Upsampling;
@@ -53,7 +54,14 @@ fn weights_keep_their_values_and_are_vgns_unless_something_else_is_said() {
     assert!(imported.checkpoint.vector == values() && read.vector == values());
     assert_eq!(
         (read.dataset_id.as_str(), &read.architecture),
-        (IMPORTED, &Architecture::Voxel(VoxelParams { upsampling: Upsampling::Nearest, origin: GraspOrigin::VGN }))
+        (
+            IMPORTED,
+            &Architecture::Voxel(VoxelParams {
+                head: Head::Quaternion,
+                upsampling: Upsampling::Nearest,
+                origin: GraspOrigin::VGN
+            })
+        )
     );
     let config = read.config.parse::<toml::Table>().unwrap();
     assert_eq!(config["imported"]["file"].as_str(), Some("weights.safetensors"));

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use super::fixture::{check_fails, fit, trainer, write_config, write_dataset};
 use super::resume::{check_same_run, metrics};
 use burn_dataset::Dataset as _;
+use network::head::Head;
 use network::upsampling::Upsampling;
 use network::{GraspOrigin, VoxelParams};
 use shards::Dataset;
@@ -55,11 +56,13 @@ impl Place {
     }
 }
 
-const AUGMENTED: &str = "[augmentation]\nquarter_turns = true\nshift_z_voxels_max = 3\n";
+const AUGMENTED: &str = "[augmentation]\nquarter_turns = true\nmirrors = true\nshift_z_voxels_max = 3\n";
 
 #[test]
 fn all_of_it_resumes_to_the_bit() {
-    let place = Place::new(2, "schedule = \"cosine\"\npositive_weight = 2.5", AUGMENTED);
+    let place = Place::new(2, "schedule = \"cosine\"\npositive_weight = 2.5\naverage_decay = 0.9", AUGMENTED);
+    let by_closing = fs::read_to_string(&place.config).unwrap().replace("[network]", "[network]\nhead = \"closings\"");
+    fs::write(&place.config, by_closing).unwrap();
     let (config, whole, cut) = (place.config(), place.run("whole"), place.run("cut"));
     assert_eq!(place.fit(&config, &whole), Ending::Done);
     for steps in [1, 3, 2] {
@@ -93,14 +96,16 @@ fn each_part_changes_training_and_off_is_left_out() {
     let left_out = weights("", "");
     let off = weights(
         "schedule = \"constant\"\npositive_weight = 1.0\npatience_epochs = 0",
-        "[augmentation]\nquarter_turns = false\nshift_z_voxels_max = 0\n",
+        "average_decay = 0\n[augmentation]\nquarter_turns = false\nmirrors = false\nshift_z_voxels_max = 0\n",
     );
     assert!(left_out == off);
     let turned = weights("", "[augmentation]\nquarter_turns = true\n");
     let shifted = weights("", "[augmentation]\nshift_z_voxels_max = 4\n");
     let weighted = weights("positive_weight = 3", "");
     let cosine = weights("schedule = \"cosine\"", "");
-    let all = [off, turned, shifted, weighted, cosine];
+    let mirrored = weights("", "[augmentation]\nmirrors = true\n");
+    let averaged = weights("average_decay = 0.9", "");
+    let all = [off, turned, shifted, weighted, cosine, mirrored, averaged];
     for (number, one) in all.iter().enumerate() {
         assert!(all[..number].iter().all(|other| other.1 != one.1), "{number}");
     }
@@ -221,7 +226,7 @@ fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
     assert_eq!(samples("train") + samples("test_attempts") + samples("test_scenes"), 180);
     let datasets = [data, more].map(|at| Dataset::open(Path::new(at)).unwrap());
     let survey = |datasets| {
-        let params = VoxelParams { upsampling: Upsampling::Linear, origin: GraspOrigin::TIPS };
+        let params = VoxelParams { head: Head::Quaternion, upsampling: Upsampling::Linear, origin: GraspOrigin::TIPS };
         let method = Voxel::new(params, Targets::Attempt, Device::Host);
         GraspDataset::survey(datasets, method, &AtomicBool::new(false), &|| {}).unwrap()
     };

@@ -138,6 +138,7 @@ mod tests {
     #[test]
     fn edges_have_the_losses_and_gradients_that_are_written_out() {
         let target = Target {
+            tips_voxels: [0.0; 3],
             label: 1,
             rotation: Quat::IDENTITY,
             width_voxels: 5.0,
@@ -164,7 +165,7 @@ mod tests {
             let [logit, x, y, z, w, width] = heads;
             let [x, y, z, w] = [x, y, z, w].map(|part| part * scale);
             let rotation = axis_angle(Vec3::from_array(axis).normalize_or(Vec3::Z), angle);
-            let target = Target { label, rotation, width_voxels, quality_weight, closings: Closings::Half };
+            let target = Target { tips_voxels: [0.0; 3], label, rotation, width_voxels, quality_weight, closings: Closings::Half };
             check([logit, x, y, z, w, width], target, 1.0 / f32::from(samples));
         }
 
@@ -178,7 +179,7 @@ mod tests {
         ) {
             let rotation = axis_angle(Vec3::from_array(axis).normalize_or(Vec3::Z), angle);
             prop_assume!(heads[1..5].iter().map(|part| part * part).sum::<f32>() > 0.1);
-            let target = Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
+            let target = Target { tips_voxels: [0.0; 3], label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
             let (losses, gradient) = by_autodiff(heads, target, 1.0);
             let SampleResult { total, quality, grasp, .. } = sample_loss(&heads, &target);
             let GraspResult { rotation, width, .. } = grasp.unwrap();
