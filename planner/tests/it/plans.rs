@@ -44,7 +44,7 @@ fn the_demo_has_ranked_grasps_that_obey_the_rules() {
         let plan = plan_with(&planner, &seen(), &PlanOptions::default());
         assert!(!plan.grasps.is_empty() && plan.reason.is_none());
         assert_eq!(plan.funnel.count("ranked"), Some(plan.grasps.len()));
-        assert_eq!(plan.funnel.count("detections"), plan.funnel.count("collision_free"));
+        assert!(plan.funnel.count("collision_free") <= plan.funnel.count("detections"));
         for ranked in &plan.grasps {
             let pose = ranked.workspace_from_grasp;
             assert!(ranked.quality >= params.quality_min);
