@@ -33,9 +33,8 @@ pub fn batch<M: Method>(
 mod tests {
     use std::sync::Arc;
 
-    use network::head::Head;
+    use network::VoxelParams;
     use network::upsampling::Upsampling;
-    use network::{GraspOrigin, VoxelParams};
     use schema::{Quat, Rule};
 
     use super::*;
@@ -48,7 +47,7 @@ mod tests {
     use crate::voxel::{Voxel, VoxelSample};
 
     fn method() -> Voxel {
-        let params = VoxelParams { head: Head::Quaternion, upsampling: Upsampling::Linear, origin: GraspOrigin::TIPS };
+        let params = VoxelParams::at_tips(Upsampling::Linear);
         Voxel::new(params, Targets::Attempt, Device::Host)
     }
 

@@ -8,9 +8,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use super::fixture::{check_fails, fit, trainer, write_config, write_dataset};
 use super::resume::{check_same_run, metrics};
 use burn_dataset::Dataset as _;
-use network::head::Head;
+use network::VoxelParams;
 use network::upsampling::Upsampling;
-use network::{GraspOrigin, VoxelParams};
 use shards::Dataset;
 use trainer::batch::{Sample, SampleId};
 use trainer::config::{Config, Targets};
@@ -226,7 +225,7 @@ fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
     assert_eq!(samples("train") + samples("test_attempts") + samples("test_scenes"), 180);
     let datasets = [data, more].map(|at| Dataset::open(Path::new(at)).unwrap());
     let survey = |datasets| {
-        let params = VoxelParams { head: Head::Quaternion, upsampling: Upsampling::Linear, origin: GraspOrigin::TIPS };
+        let params = VoxelParams::at_tips(Upsampling::Linear);
         let method = Voxel::new(params, Targets::Attempt, Device::Host);
         GraspDataset::survey(datasets, method, &AtomicBool::new(false), &|| {}).unwrap()
     };

@@ -6,9 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use burn_dataset::Dataset as _;
-use network::head::Head;
+use network::VoxelParams;
 use network::upsampling::Upsampling;
-use network::{GraspOrigin, VoxelParams};
 use trainer::config::Targets;
 use trainer::data::GraspDataset;
 use trainer::data::batch;
@@ -112,7 +111,7 @@ fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let examined = examine(&best, place.data.as_path(), TestSet::All, None, 6).unwrap();
 
     let data = std::slice::from_ref(&examined.dataset);
-    let params = VoxelParams { head: Head::Quaternion, upsampling: Upsampling::Nearest, origin: GraspOrigin::TIPS };
+    let params = VoxelParams::at_tips(Upsampling::Nearest);
     let method = Voxel::new(params, Targets::Attempt, Device::Host);
     let samples = GraspDataset::survey(data, method, &AtomicBool::new(false), &|| {}).unwrap();
     let vector = network::checkpoint::read(&best).unwrap().vector;
