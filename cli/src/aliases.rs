@@ -31,12 +31,7 @@ const ALIASES: [Alias; 5] = [
     Alias { program: "shards", commands: &[("manual", &["manual"])], otherwise: &["dataset"] },
     Alias {
         program: "trainer",
-        commands: &[
-            ("export", &["weights", "export"]),
-            ("import", &["weights", "import"]),
-            ("recipe", &["pipeline"]),
-            ("report", &["fit-report"]),
-        ],
+        commands: &[("export", &["weights", "export"]), ("import", &["weights", "import"]), ("recipe", &["pipeline"])],
         otherwise: &[],
     },
     Alias { program: "planner", commands: &[("bench", &["experiment", "bench"])], otherwise: &[] },

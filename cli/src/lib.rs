@@ -58,8 +58,6 @@ enum Command {
     #[cfg(feature = "full")]
     Evaluate(training::evaluate::Arguments),
     #[cfg(feature = "full")]
-    FitReport(training::report::Arguments),
-    #[cfg(feature = "full")]
     #[command(subcommand)]
     Weights(weights::Command),
     #[cfg(feature = "full")]
@@ -136,8 +134,6 @@ impl Command {
             Self::Fit(arguments) => training::fit::run(arguments),
             #[cfg(feature = "full")]
             Self::Evaluate(arguments) => training::evaluate::run(arguments),
-            #[cfg(feature = "full")]
-            Self::FitReport(arguments) => training::report::run(arguments),
             #[cfg(feature = "full")]
             Self::Weights(command) => command.run(),
             #[cfg(feature = "full")]

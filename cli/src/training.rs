@@ -1,6 +1,5 @@
-//! Commands that train networks and examine them.
+//! Commands that train networks and evaluate them.
 
 mod console;
 pub(crate) mod evaluate;
 pub(crate) mod fit;
-pub(crate) mod report;

@@ -7,34 +7,23 @@ use program::{ExitCode, Failure, write};
 use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 use serde::Deserialize;
 
-use crate::config::SplitBy;
 use crate::run_folder::{METRICS, read_metrics};
 
-/// What is shown of a line of `metrics.jsonl`. Runs of earlier versions have fewer keys.
-#[derive(Debug, Clone, Deserialize)]
-pub(crate) struct Epoch {
-    pub(crate) epoch: u32,
-    pub(crate) train: Set,
-    pub(crate) test_attempts: Set,
-    pub(crate) test_scenes: Set,
-    #[serde(default)]
-    pub(crate) learning_rate: Option<f64>,
-    #[serde(default)]
-    pub(crate) split_by: Option<SplitBy>,
-    #[serde(default)]
-    pub(crate) is_best: bool,
-    #[serde(default)]
-    pub(crate) seconds: Option<f64>,
+/// What is shown of a line of `metrics.jsonl`.
+#[derive(Debug, Deserialize)]
+struct Epoch {
+    epoch: u32,
+    train: Set,
+    test_attempts: Set,
+    test_scenes: Set,
 }
 
 /// A set of samples after an epoch. What is no number is `null` in JSON, and `None` here.
-#[derive(Debug, Clone, Deserialize)]
-pub(crate) struct Set {
-    pub(crate) loss: Option<f64>,
-    pub(crate) accuracy: Option<f64>,
-    pub(crate) baseline_accuracy: Option<f64>,
-    #[serde(default)]
-    pub(crate) accuracy_95: Option<(f64, f64)>,
+#[derive(Debug, Deserialize)]
+struct Set {
+    loss: Option<f64>,
+    accuracy: Option<f64>,
+    baseline_accuracy: Option<f64>,
 }
 
 /// Draws `loss.svg` and `accuracy.svg` in a run's folder, in place of what is there. Nothing but `metrics.jsonl` is
@@ -49,7 +38,7 @@ pub(crate) fn draw_curves(run: &Path) -> Result<(), Failure> {
 }
 
 /// The epochs of a run, at least one.
-pub(crate) fn read(run: &Path) -> Result<Vec<Epoch>, Failure> {
+fn read(run: &Path) -> Result<Vec<Epoch>, Failure> {
     let failed = |code, text: &str| Failure::new(code, format!("{text}: {}", run.join(METRICS).display()));
     let text = read_metrics(run)?;
     let lines = text.lines().enumerate().map(|(at, line)| {
@@ -64,12 +53,12 @@ pub(crate) fn read(run: &Path) -> Result<Vec<Epoch>, Failure> {
 }
 
 /// The losses.
-pub(crate) fn loss(epochs: &[Epoch]) -> Figure {
+fn loss(epochs: &[Epoch]) -> Figure {
     figure(epochs, "Loss by epoch", "loss (Eq. 5, mean of the samples)", |set| set.loss, Vec::new())
 }
 
 /// The accuracies and those of always answering "failure".
-pub(crate) fn accuracy(epochs: &[Epoch]) -> Figure {
+fn accuracy(epochs: &[Epoch]) -> Figure {
     let label = "accuracy (Eq. 6, share of right predictions)";
     // Each test set has its baseline, in its colour; one grey entry in the legend says what the dashes are.
     let baseline = |colour, set: fn(&Epoch) -> &Set| {
@@ -91,15 +80,10 @@ fn figure(epochs: &[Epoch], title: &str, label: &str, value: fn(&Set) -> Option<
         Line::new("test scenes", GREEN, stroke, points(epochs, |epoch| &epoch.test_scenes, value)),
     ];
     lines.extend(more);
-    by_epoch(title, label, lines, epochs.last().map_or(1, |epoch| epoch.epoch))
-}
-
-/// Lines over the epochs up to the last.
-pub(crate) fn by_epoch(title: &str, label: &str, lines: Vec<Line>, last: u32) -> Figure {
     let (low, high) = range(&lines);
     Figure {
         title: title.to_owned(),
-        x: Scale::whole("epoch", last),
+        x: Scale::whole("epoch", epochs.last().map_or(1, |epoch| epoch.epoch)),
         y: Scale::around(label, low, high),
         lines,
         bars: Vec::new(),
@@ -107,14 +91,14 @@ pub(crate) fn by_epoch(title: &str, label: &str, lines: Vec<Line>, last: u32) ->
 }
 
 /// The least and the greatest value of some lines; 0 to 1 if they have none.
-pub(crate) fn range(lines: &[Line]) -> (f64, f64) {
+fn range(lines: &[Line]) -> (f64, f64) {
     let values = || lines.iter().flat_map(|line| &line.points).map(|point| point.1);
     let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
     if low <= high { (low, high) } else { (0.0, 1.0) }
 }
 
 /// The value of a set by epoch, where it is a number.
-pub(crate) fn points(epochs: &[Epoch], set: fn(&Epoch) -> &Set, value: fn(&Set) -> Option<f64>) -> Vec<(f64, f64)> {
+fn points(epochs: &[Epoch], set: fn(&Epoch) -> &Set, value: fn(&Set) -> Option<f64>) -> Vec<(f64, f64)> {
     let points = epochs.iter().filter_map(|epoch| Some((f64::from(epoch.epoch), value(set(epoch))?)));
     points.filter(|(_, y)| y.is_finite()).collect()
 }

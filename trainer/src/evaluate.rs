@@ -2,7 +2,6 @@
 //! precision–recall and calibration; errors of the grasps.
 
 pub mod report;
-pub mod worst_errors;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -23,7 +22,6 @@ use crate::config::{Config, Targets};
 use crate::data::split_bits::NO_SAMPLE;
 use crate::data::{GraspDataset, Set, for_each_batch};
 use crate::device::Device;
-use crate::evaluate::worst_errors::{Mistake, worst};
 use crate::judge::Judge;
 use crate::judge::scores::HandScores;
 use crate::method::Method;
@@ -94,70 +92,49 @@ pub struct Evaluation {
     pub hands: Option<HandScores>,
 }
 
-/// An evaluation with data for a closer look.
-#[derive(Debug)]
-pub struct Examination {
-    /// The results.
-    pub evaluation: Evaluation,
-    /// Failed attempts with the highest qualities, worst first.
-    pub overrated: Vec<Mistake>,
-    /// Held attempts with the lowest qualities, worst first.
-    pub underrated: Vec<Mistake>,
-    /// Their dataset.
-    pub dataset: Dataset,
-}
-
-/// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind.
-/// Without `targets` those of the recipe are asked.
+/// Evaluates a checkpoint on a set of a dataset. Without `targets` those of the recipe are asked.
 ///
 /// # Errors
 /// If checkpoint or dataset cannot be read, or the set has no samples.
-pub fn examine(
+pub fn evaluate(
     path: &Path,
     data: impl Into<Location>,
     set: TestSet,
     targets: Option<Targets>,
-    mistakes_max: usize,
-) -> Result<Examination, Failure> {
+) -> Result<Evaluation, Failure> {
     let checkpoint = checkpoint::read(path)?;
     let dataset = Dataset::open(data)?;
     let trained_on = trained_on(&checkpoint, &dataset, set)?;
-    let set = (set, trained_on, mistakes_max);
+    let set = (set, trained_on);
     match &checkpoint.architecture {
         Architecture::Voxel(params) => {
             // Weights from elsewhere have no recipe.
             let own = || Config::parse(&checkpoint.config, path).map(|config| config.training.targets);
             let targets = targets.unwrap_or_else(|| own().unwrap_or(Targets::Attempt));
-            examined(Voxel::new(*params, targets, Device::Host), &checkpoint, dataset, set, path)
+            evaluated(Voxel::new(*params, targets, Device::Host), &checkpoint, &dataset, set, path)
         }
         Architecture::Judge(scope) => {
             let hands = dataset.info().hands();
             hands.iter().try_for_each(|hand| scope.must_match(hand, &dataset.info().grid))?;
-            examined(Judge::new(scope, hands.iter()), &checkpoint, dataset, set, path)
+            evaluated(Judge::new(scope, hands.iter()), &checkpoint, &dataset, set, path)
         }
     }
 }
 
-fn examined<M: Method>(
+fn evaluated<M: Method>(
     method: M,
     checkpoint: &Checkpoint,
-    dataset: Dataset,
-    (set, trained_on, mistakes_max): (TestSet, String, usize),
+    dataset: &Dataset,
+    (set, trained_on): (TestSet, String),
     path: &Path,
-) -> Result<Examination, Failure> {
-    let found = results(method, checkpoint, &dataset, set, path)?;
+) -> Result<Evaluation, Failure> {
+    let found = results(method, checkpoint, dataset, set, path)?;
     if found.is_empty() {
         let what = "the dataset has no attempt whose grasp lies in the grid";
         return Err(Failure::new(ExitCode::Config, what));
     }
     must_be_finite(&found, path)?;
-    let mistake = |(Sample { id, .. }, result): &Found<_>| Mistake {
-        scene_id: id.scene.into(),
-        attempt_id: id.attempt,
-        score: score(result),
-    };
-    let mistakes: Vec<Mistake> = found.iter().map(mistake).collect();
-    let scores: Vec<Score> = mistakes.iter().map(|mistake| mistake.score).collect();
+    let scores: Vec<Score> = found.iter().map(|(_, result)| score(result)).collect();
     let scenes: Vec<(u64, u64)> = tallies(found.iter().map(|(sample, result)| (sample.id.scene, result)))
         .into_values()
         .map(|tally| (tally.confusion.true_positive + tally.confusion.true_negative, tally.confusion.count()))
@@ -167,7 +144,7 @@ fn examined<M: Method>(
     let mut all = Tally::default();
     found.iter().for_each(|(_, result)| all.add(slice::from_ref(result)));
     let ([errors, errors_of_sure], hands) = M::own_scores(&found, dataset.info().grid.voxel_size_m());
-    let evaluation = Evaluation {
+    Ok(Evaluation {
         epoch: checkpoint.progress.epoch,
         step: checkpoint.progress.step,
         trained_on,
@@ -183,9 +160,7 @@ fn examined<M: Method>(
         by_shape: by(|rule| rule.shape.kind_name()),
         by_rule: by(|rule| rule.name()),
         hands,
-    };
-    let [overrated, underrated] = [false, true].map(|held| worst(&mistakes, held, mistakes_max));
-    Ok(Examination { evaluation, overrated, underrated, dataset })
+    })
 }
 
 /// The network's predictions for a set, by scene and attempt.

@@ -11,8 +11,7 @@
 //! - [`mod@fit`] is the training loop, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early
 //!   stopping, [`metrics`] its counts, [`events`] its progress reports, [`run_folder`] its files,
 //!   curves and TensorBoard events its monitoring.
-//! - [`mod@evaluate`] evaluates the result, [`scores`] its predicted qualities, [`evaluate::report`] writes the report,
-//!   and [`page`] shows a run and its result together.
+//! - [`mod@evaluate`] evaluates the result, [`scores`] its predicted qualities, [`evaluate::report`] writes the report.
 //!
 //! # Determinism
 //!
@@ -36,7 +35,6 @@ pub mod judge;
 pub mod method;
 pub mod metrics;
 pub mod order;
-pub mod page;
 pub mod patience;
 pub mod results;
 pub mod run_folder;

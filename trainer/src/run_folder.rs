@@ -31,7 +31,7 @@ pub struct RunFolder {
     _lock: FolderLock,
 }
 
-pub(crate) const CONFIG: &str = "config.toml";
+const CONFIG: &str = "config.toml";
 pub(crate) const METRICS: &str = "metrics.jsonl";
 
 impl RunFolder {
@@ -160,7 +160,7 @@ pub(crate) fn read_metrics(run: &Path) -> Result<String, Failure> {
 ///
 /// # Errors
 /// If it is not there, cannot be read or is damaged.
-pub(crate) fn begun_with(run: &Path) -> Result<Config, Failure> {
+fn begun_with(run: &Path) -> Result<Config, Failure> {
     let path = run.join(CONFIG);
     let damaged = |error| Failure::new(ExitCode::Data, format!("damaged recipe of the run: {error}"));
     Config::parse(&read_text(&path)?, &path).map_err(damaged)
@@ -217,6 +217,6 @@ fn check_config(begun_with: &Config, config: &Config, path: &Path) -> Result<(),
 }
 
 /// The keys of a recipe with their values; keys of tables as `table.key`.
-pub(crate) fn keys(config: &Config) -> Vec<(String, String)> {
+fn keys(config: &Config) -> Vec<(String, String)> {
     settings::flat(&config.to_toml(), "")
 }

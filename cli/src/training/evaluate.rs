@@ -7,7 +7,7 @@ use program::{ExitCode, Failure, json, print, start_threads};
 use shards::Location;
 use trainer::config::Targets;
 use trainer::evaluate::report::{document, write_report};
-use trainer::evaluate::{TestSet, examine};
+use trainer::evaluate::{TestSet, evaluate};
 use trainer::run_folder::SavedAs;
 
 use crate::parse::{LocationParser, one_of};
@@ -72,7 +72,7 @@ pub(crate) fn execute(
     is_json: bool,
     report: Option<&Path>,
 ) -> Result<ExitCode, Failure> {
-    let evaluation = examine(checkpoint, data, split, targets, 0)?.evaluation;
+    let evaluation = evaluate(checkpoint, data, split, targets)?;
     if let Some(folder) = report {
         write_report(&evaluation, folder)?;
     }

@@ -7,6 +7,5 @@ mod hands;
 mod interchange;
 mod learning;
 mod models;
-mod page;
 mod resume;
 mod watching;

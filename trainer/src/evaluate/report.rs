@@ -94,13 +94,13 @@ fn qualities(evaluation: &Evaluation) -> Figure {
     }
 }
 
-/// The evaluation's numbers and figures; `evaluation.md`, a terminal and a run's page show them.
+/// The evaluation's numbers and figures; `evaluation.md` and a terminal show them.
 #[must_use]
 pub fn document(evaluation: &Evaluation) -> Document {
     Document { title: "Evaluation".to_owned(), blocks: blocks(evaluation), footer: String::new() }
 }
 
-pub(crate) fn blocks(evaluation: &Evaluation) -> Vec<Block> {
+fn blocks(evaluation: &Evaluation) -> Vec<Block> {
     let heading = |text: &str| Block::Heading(text.to_owned());
     let counts = evaluation.all.confusion;
     let confusion = |what: &str, counts: [u64; 2]| [vec![what.into()], counts.map(Cell::Count).to_vec()].concat();
@@ -305,11 +305,11 @@ fn bins(evaluation: &Evaluation) -> Table {
     Table::new(["quality", "samples", "mean predicted", "observed", "95 %"], rows)
 }
 
-pub(crate) fn number(value: Option<f64>) -> String {
+fn number(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3}"))
 }
 
-pub(crate) fn range(range: Option<(f64, f64)>) -> String {
+fn range(range: Option<(f64, f64)>) -> String {
     range.map_or_else(|| "–".to_owned(), |(low, high)| format!("{low:.3} to {high:.3}"))
 }
 
