@@ -1,11 +1,10 @@
 //! The plan: ranked grasps, their objects, and the rejected candidates. As JSON it is the output of `graspmill plan`
-//! and `graspmill serve`; its types have names that end in `Answer` in the service's description.
+//! and `graspmill serve`.
 
 use perception::{FoundPlane, TableCandidate};
 use schema::{Grid, Lattice, Outcome, Pose, Vec3};
 use serde::{Serialize, Serializer};
 use settings::words;
-use utoipa::ToSchema;
 
 use crate::config::Policy;
 use crate::frame::FoundTable;
@@ -14,31 +13,25 @@ use crate::frame::FoundTable;
 pub const FORMAT: &str = "graspmill-plan/3";
 
 /// A grasp: +z approach, +y closing, origin midway between the finger tips' ends.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-#[schema(as = GraspAnswer)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RankedGrasp {
     /// 1 is the best.
     pub rank: usize,
     /// The grasp in the workspace.
     #[serde(serialize_with = "pose")]
-    #[schema(value_type = PoseAnswer)]
     pub workspace_from_grasp: Pose,
     /// The grasp in the optical frame of the first camera, or of the sensor of a cloud whose table was found; null if
     /// neither is known.
     #[serde(serialize_with = "pose")]
-    #[schema(value_type = Option<PoseAnswer>)]
     pub camera_from_grasp: Option<Pose>,
     /// The grasp in the robot's base frame; null if `base_from_workspace` was not given.
     #[serde(serialize_with = "pose")]
-    #[schema(value_type = Option<PoseAnswer>)]
     pub base_from_grasp: Option<Pose>,
     /// The robot's flange at the grasp, in the workspace; null if the hand's file has no `flange_from_grasp`.
     #[serde(serialize_with = "pose")]
-    #[schema(value_type = Option<PoseAnswer>)]
     pub workspace_from_flange: Option<Pose>,
     /// The robot's flange at the grasp, in the robot's base frame; null if either is not known.
     #[serde(serialize_with = "pose")]
-    #[schema(value_type = Option<PoseAnswer>)]
     pub base_from_flange: Option<Pose>,
     /// Distance between the fingers' inner faces when holding, in metres: measured on what was seen between them, or
     /// a network of voxels' answer; null where an end of it was not seen.
@@ -85,7 +78,7 @@ impl RankedGrasp {
 }
 
 /// A rigid transform `target_from_source`.
-#[derive(Serialize, ToSchema)]
+#[derive(Serialize)]
 struct PoseAnswer {
     /// Metres.
     position_m: [f32; 3],
@@ -101,12 +94,10 @@ fn pose<'a, S: Serializer>(pose: impl Into<Option<&'a Pose>>, serializer: S) -> 
 }
 
 /// A cluster of the surface cloud. Objects are numbered from the top: the one with the highest centroid is 0.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-#[schema(as = ObjectAnswer)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ObjectCluster {
     /// Mean of its points in the workspace, in metres.
     #[serde(serialize_with = "coordinates")]
-    #[schema(value_type = [f32; 3])]
     pub centroid_m: Vec3,
     /// Number of its points.
     pub point_count: usize,
@@ -139,7 +130,7 @@ pub struct SegmentedCloud {
 }
 
 /// A plane: normal · x = offset, in the workspace.
-#[derive(Serialize, ToSchema)]
+#[derive(Serialize)]
 struct PlaneAnswer {
     /// Unit normal, upwards.
     normal: [f32; 3],
@@ -254,8 +245,7 @@ impl RejectReason {
 }
 
 /// A candidate that was dropped.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-#[schema(as = DroppedAnswer)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DroppedCandidate {
     /// Why.
     #[serde(skip)]
@@ -267,7 +257,6 @@ pub struct DroppedCandidate {
     pub detail: String,
     /// Its pose in the workspace.
     #[serde(serialize_with = "pose")]
-    #[schema(value_type = PoseAnswer)]
     pub workspace_from_grasp: Pose,
     /// A network of voxels' answer in metres; null for a judge's candidate.
     pub width_m: Option<f32>,
@@ -310,7 +299,7 @@ impl Serialize for Funnel {
 }
 
 /// A plane that may be the table, in the optical frame of the first camera: normal · x = offset.
-#[derive(Serialize, ToSchema)]
+#[derive(Serialize)]
 struct TableCandidateAnswer {
     /// Unit normal, towards the camera's side.
     normal: [f32; 3],
@@ -327,7 +316,7 @@ struct TableCandidateAnswer {
 }
 
 /// The table that was found.
-#[derive(Serialize, ToSchema)]
+#[derive(Serialize)]
 struct TableAnswer {
     /// How sure the choice is: 1 where no other plane is nearly as good, 0 where another one is as good.
     sureness: f32,
@@ -353,7 +342,7 @@ fn table<S: Serializer>(found: &Option<FoundTable>, serializer: S) -> Result<S::
 }
 
 /// A part of the workspace, z up.
-#[derive(Serialize, ToSchema)]
+#[derive(Serialize)]
 struct RegionAnswer {
     /// The lower corner, in metres.
     low_m: [f32; 3],
@@ -370,7 +359,7 @@ fn region<S: Serializer>(lattice: &Lattice, serializer: S) -> Result<S::Ok, S::E
 }
 
 /// The workspace in which a network was trained: a cube, its origin at a lower corner, z up.
-#[derive(Serialize, ToSchema)]
+#[derive(Serialize)]
 #[serde(remote = "Grid")]
 pub(crate) struct GridAnswer {
     /// Its side, in metres.
@@ -382,33 +371,27 @@ pub(crate) struct GridAnswer {
 }
 
 /// A plan.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-#[schema(as = Answer)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
     /// Layout of this document: `graspmill-plan/3`.
     pub format: &'static str,
     /// SHA-256 of the network's weights file.
     pub model: String,
     /// The order of the grasps: `paper`, `vgn-random` or `vgn-best`.
-    #[schema(value_type = String)]
     pub policy: Policy,
     /// Name of the hand.
     pub gripper: String,
     /// The grasp frame in the frame of the robot's flange, as the hand's file says; null if it does not.
     #[serde(serialize_with = "pose")]
-    #[schema(value_type = Option<PoseAnswer>)]
     pub flange_from_grasp: Option<Pose>,
     /// The part of the workspace in which grasps were looked for.
     #[serde(serialize_with = "region")]
-    #[schema(value_type = RegionAnswer)]
     pub region: Lattice,
     /// The first camera in the workspace, as it was given or found; null if there is none.
     #[serde(serialize_with = "pose")]
-    #[schema(value_type = Option<PoseAnswer>)]
     pub workspace_from_camera: Option<Pose>,
     /// The table that was found; null if that was not asked for.
     #[serde(serialize_with = "table")]
-    #[schema(value_type = Option<TableAnswer>)]
     pub table: Option<FoundTable>,
     /// The grasps, best first.
     pub grasps: Vec<RankedGrasp>,
@@ -420,10 +403,8 @@ pub struct Plan {
     pub objects: Vec<ObjectCluster>,
     /// The plane under the objects; null if none was found. It is all that JSON has of the segmented cloud.
     #[serde(rename = "plane", serialize_with = "plane")]
-    #[schema(value_type = Option<PlaneAnswer>)]
     pub cloud: SegmentedCloud,
     /// The number of candidates left after each stage.
-    #[schema(value_type = std::collections::BTreeMap<String, usize>)]
     pub funnel: Funnel,
     /// Dropped candidates with reasons, best first; empty unless requested: those above the threshold that had a better
     /// neighbour, collided or were beyond a limit, and local maxima of the smoothed quality of at least ε/2 that were

@@ -18,7 +18,6 @@ use axum::response::Response;
 use axum::routing::{get, post};
 use axum::serve::Listener;
 use program::{Context as _, ExitCode, Failure};
-use prometheus_client::metrics::gauge::Gauge;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
@@ -28,7 +27,6 @@ use tower_http::timeout::TimeoutLayer;
 
 use self::connection::converse;
 use self::fault::Fault;
-use self::metrics::Metrics;
 use self::planning::Planned;
 use crate::{Planner, Planners};
 
@@ -36,9 +34,7 @@ mod connection;
 mod fault;
 mod handlers;
 mod host;
-mod metrics;
 mod model;
-mod openapi;
 mod options;
 mod planning;
 mod predict;
@@ -70,7 +66,6 @@ struct Work {
 struct Shared {
     work: Work,
     options: ServeOptions,
-    metrics: Metrics,
     stopping: AtomicBool,
     /// Plans in progress and waiting.
     places: Arc<Semaphore>,
@@ -84,16 +79,10 @@ impl Shared {
         Arc::new(Self {
             work,
             options: options.clone(),
-            metrics: Metrics::new(),
             stopping: AtomicBool::new(false),
             places: Arc::new(Semaphore::new(turns + usize::from(options.queue))),
             turns: Arc::new(Semaphore::new(turns)),
         })
-    }
-
-    fn turned_away(&self) -> Fault {
-        self.metrics.rejected.inc();
-        Fault::new(StatusCode::SERVICE_UNAVAILABLE, "too many plans are waiting")
     }
 }
 
@@ -132,8 +121,6 @@ fn routes(shared: &Arc<Shared>) -> Router {
         .route("/version", get(handlers::version))
         .route("/healthz", get(handlers::healthz))
         .route("/readyz", get(handlers::readyz))
-        .route("/metrics", get(handlers::metrics))
-        .route("/openapi.json", get(openapi::openapi))
         // From the inside out. axum's own limit of 2 MB is off; the limit of the next layer applies.
         .layer(DefaultBodyLimit::disable())
         .layer(RequestBodyLimitLayer::new(options.body_bytes_max))
@@ -144,14 +131,12 @@ fn routes(shared: &Arc<Shared>) -> Router {
         .with_state(Arc::clone(shared))
 }
 
-/// Wraps every request: counts it, logs it, and converts errors to JSON.
+/// Wraps every request: logs it, and converts errors to JSON.
 async fn observe(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     let started = Instant::now();
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
-    let _in_flight = InFlight::new(&shared.metrics.in_flight);
     let response = fault::as_json(next.run(request).await, &shared.options, path == "/predict");
     let status = response.status();
-    shared.metrics.answered(&path, status);
     let ms = started.elapsed().as_secs_f64() * 1e3;
     tracing::info!(method = cut(method.as_str()), path = cut(&path), status = status.as_u16(), ms, "answered");
     response
@@ -160,22 +145,6 @@ async fn observe(State(shared): State<Arc<Shared>>, request: Request, next: Next
 /// The beginning of a possibly long text, for the log.
 fn cut(text: &str) -> &str {
     &text[..text.floor_char_boundary(100)]
-}
-
-/// Counts a request while it exists, even if its client disconnects before the answer.
-struct InFlight(Gauge);
-
-impl InFlight {
-    fn new(gauge: &Gauge) -> Self {
-        gauge.inc();
-        Self(gauge.clone())
-    }
-}
-
-impl Drop for InFlight {
-    fn drop(&mut self) {
-        self.0.dec();
-    }
 }
 
 fn serve_shared(shared: &Arc<Shared>, stop: &AtomicBool, on_listening: &dyn Fn(SocketAddr)) -> Result<(), Failure> {

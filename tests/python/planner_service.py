@@ -155,13 +155,3 @@ def check_error(status, headers, body):
     assert headers["content-type"] == "application/json"
     assert told.keys() == {"error", "status"} and told["status"] == status and told["error"], told
     return told["error"]
-
-
-def metrics(service):
-    status, headers, body = service.ask("GET", "/metrics")
-    assert status == 200 and headers["content-type"].startswith("application/openmetrics-text")
-    lines = body.decode().splitlines()
-    assert lines[-1] == "# EOF"
-    values = [line for line in lines if not line.startswith("#")]
-    assert all(re.fullmatch(r"[a-z_]+(\{[^{}]*\})? -?[0-9.e+-]+", line) for line in values), lines
-    return {line.rpartition(" ")[0]: float(line.rpartition(" ")[2]) for line in values}

@@ -1,7 +1,6 @@
 //! Cameras and poses in requests. A matrix must be a rigid transform within a tolerance for printed digits and is
 //! converted to a unit quaternion: near rotations are normalised, everything else is refused.
 
-use std::borrow::Cow;
 use std::fmt;
 
 use glamx::{DQuat, DVec3};
@@ -9,9 +8,6 @@ use schema::{Intrinsics, Pose, Quat, Vec3, pose_from_parts};
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
-use utoipa::openapi::RefOr;
-use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, OneOfBuilder, Schema};
-use utoipa::{PartialSchema, ToSchema};
 
 use crate::input::error::{InputError, refuse};
 use crate::input::lists::{FirstEntries, Numbers, numbers};
@@ -24,7 +20,7 @@ const TRANSLATION_M_MAX: f64 = 100.0;
 
 /// Intrinsics of a pinhole camera, in pixels; the centre of pixel (0, 0) is at u = 0, v = 0.
 // `remote` leaves serde's sequence form out: it took a list of six for width, height, fx, fy, cx, cy.
-#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(remote = "Self", deny_unknown_fields)]
 pub struct IntrinsicsInput {
     /// Pixels per row; if given, it must equal the image's.
@@ -120,25 +116,22 @@ pub enum PoseInput {
 }
 
 /// A rigid transform as position and orientation.
-#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PosePartsInput {
     /// x, y, z in metres.
-    #[schema(min_items = 3, max_items = 3)]
     #[serde(deserialize_with = "numbers")]
     pub position_m: [f64; 3],
     /// Unit quaternion x, y, z, w.
-    #[schema(min_items = 4, max_items = 4)]
     #[serde(deserialize_with = "numbers")]
     pub quaternion_xyzw: [f64; 4],
 }
 
 /// An orientation.
-#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OrientationInput {
     /// Unit quaternion x, y, z, w.
-    #[schema(min_items = 4, max_items = 4)]
     #[serde(deserialize_with = "numbers")]
     pub quaternion_xyzw: [f64; 4],
 }
@@ -169,38 +162,6 @@ impl<'de> Visitor<'de> for PoseVisitor {
     fn visit_map<A: MapAccess<'de>>(self, parts: A) -> Result<PoseInput, A::Error> {
         PosePartsInput::deserialize(MapAccessDeserializer::new(parts)).map(PoseInput::Parts)
     }
-}
-
-impl PartialSchema for PoseInput {
-    fn schema() -> RefOr<Schema> {
-        let rows = numbers_schema(4, "A row.");
-        let matrix = list_of(rows.into(), 4, "Rows of a homogeneous matrix; translation in metres.");
-        OneOfBuilder::new().item(matrix).item(PosePartsInput::schema()).into()
-    }
-}
-
-impl ToSchema for PoseInput {
-    fn name() -> Cow<'static, str> {
-        Cow::Borrowed("PoseInput")
-    }
-}
-
-/// The schema of intrinsics, which may be a camera matrix, for the API description.
-pub(crate) fn intrinsics_schema() -> RefOr<Schema> {
-    let row = numbers_schema(4, "A row of 3, or of 4 whose last number is 0.").min_items(Some(3));
-    let rows = list_of(row.into(), 3, "Rows of a camera matrix: fx 0 cx, 0 fy cy, 0 0 1.");
-    let flat = numbers_schema(9, "A camera matrix, row by row: K of a ROS CameraInfo.");
-    OneOfBuilder::new().item(IntrinsicsInput::schema()).item(flat).item(rows).into()
-}
-
-/// A list of numbers, for the API description.
-pub(crate) fn numbers_schema(count: usize, what: &str) -> ArrayBuilder {
-    list_of(<f64 as PartialSchema>::schema(), count, what)
-}
-
-fn list_of(item: RefOr<Schema>, count: usize, what: &str) -> ArrayBuilder {
-    let items = ArrayItems::RefOrSchema(Box::new(item));
-    ArrayBuilder::new().items(items).min_items(Some(count)).max_items(Some(count)).description(Some(what))
 }
 
 /// The intrinsics of a camera whose image has this size.
@@ -531,14 +492,5 @@ mod tests {
         let moved = said(&[525.0, 0.0, 320.0, -42.5, 0.0, 525.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         assert_eq!(moved, "a camera matrix's fourth column must be 0 0 0, without a pose, got -42.5 0 0");
         assert!(said(&[f64::NAN; 9]).contains("finite") && said(&[0.0; 16]).ends_with("9 or 12 numbers, got 16"));
-    }
-
-    #[test]
-    fn the_api_describes_both_forms_of_intrinsics() {
-        let described = serde_json::to_value(intrinsics_schema()).unwrap();
-        assert!(described["oneOf"][0]["properties"]["fx_px"].is_object(), "{described}");
-        assert_eq!(described["oneOf"][1]["minItems"], 9);
-        let row = &described["oneOf"][2]["items"];
-        assert_eq!((&row["minItems"], &row["maxItems"]), (&json!(3), &json!(4)));
     }
 }

@@ -1,8 +1,7 @@
-//! The format of a request, in a file (TOML or JSON) or over HTTP (JSON). The API description shows these types;
-//! `assemble.rs` checks and interprets them. A request is parsed in one pass that tracks the key's path for messages
+//! The format of a request, in a file (TOML or JSON) or over HTTP (JSON). `assemble.rs` checks
+//! and interprets it. A request is parsed in one pass that tracks the key's path for messages
 //! and stores no more than these types can hold.
 
-use std::borrow::Cow;
 use std::fmt;
 use std::path::Path;
 
@@ -10,12 +9,9 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::error::Category;
-use utoipa::openapi::RefOr;
-use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, ObjectBuilder, OneOfBuilder, Schema, Type};
-use utoipa::{PartialSchema, ToSchema};
 
 use crate::Policy;
-use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, intrinsics_schema, numbers_schema};
+use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput};
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::file::read_file;
 use crate::input::lists::{at_most, maybe_numbers, numbers, rows};
@@ -30,39 +26,33 @@ const AVOID_MAX: usize = 256;
 const KEEP_OUT_MAX: usize = 64;
 
 /// A request for a plan: exactly one of `views`, `tsdf` and `cloud`, and options.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RequestInput {
     /// Depth images with their cameras, 1 to 32.
     #[serde(default, deserialize_with = "at_most::<_, _, VIEWS_MAX>")]
     pub views: Option<Vec<ViewInput>>,
     /// The intrinsics of all views without their own.
-    #[schema(schema_with = intrinsics_schema)]
     pub intrinsics: Option<IntrinsicsInput>,
     /// A TSDF instead: an NPY file of shape [40, 40, 40] or [1, 40, 40, 40] in VGN's values, 0 to 1; of another
     /// workspace as many voxels as it has.
-    #[schema(value_type = Option<DataInput>)]
     pub tsdf: Option<SourceInput>,
     /// A point cloud instead: a PLY, PCD or NPY file, in metres.
-    #[schema(value_type = Option<DataInput>)]
     pub cloud: Option<SourceInput>,
     /// What to grasp: a cloud of the one object, in the frame of `cloud`, which has the rest of the scene and may have
     /// the object, too.
-    #[schema(value_type = Option<DataInput>)]
     pub object: Option<SourceInput>,
     /// The cloud's frame in the workspace, by default the same. Or `"table"`: the cloud is in the optical frame of
     /// its camera, the table is found in it, and the workspace put on it.
     pub workspace_from_cloud: Option<PlaceInput>,
     /// The direction of gravity, of any length, in the frame of the first camera or of the cloud, to find the table;
     /// by default the camera is believed to stand upright and to look down.
-    #[schema(min_items = 3, max_items = 3)]
     #[serde(default, deserialize_with = "maybe_numbers")]
     pub down: Option<[f64; 3]>,
     /// The first camera, or that of the cloud, in the robot's base frame, where the table is found: grasps are given
     /// in the base's frame, too, and gravity is along its -z unless `down` is given.
     pub base_from_camera: Option<PoseInput>,
     /// Positions of the sensors that saw the cloud, at most 32; by default the viewpoint of a PCD file.
-    #[schema(schema_with = eyes_schema)]
     #[serde(default, deserialize_with = "rows::<_, 3, EYES_MAX>")]
     pub eyes_m: Option<Vec<[f64; 3]>>,
     /// Side of the workspace, in metres, 0.2 to 1.2. By default networks of voxels look at 0.3 m, and a judge at all
@@ -73,10 +63,8 @@ pub struct RequestInput {
     /// The wrist's orientation now, in the workspace: of a grasp and its half turn the nearer one is given.
     pub workspace_from_wrist: Option<OrientationInput>,
     /// Settings that come with the planner, with their weights, in place of its own: `judge`, `paper` or `vgn`.
-    #[schema(value_type = Option<String>)]
     pub config: Option<String>,
     /// The order of the grasps: `paper`, `vgn-random` or `vgn-best`.
-    #[schema(value_type = Option<String>)]
     pub policy: Option<Policy>,
     /// Whether grasps that collide with the cloud are dropped.
     pub check_collisions: Option<bool>,
@@ -91,19 +79,16 @@ pub struct RequestInput {
     pub avoid: Option<Vec<PoseInput>>,
     /// Things to be left for now, at most 256: no grasp is offered whose tips are within a radius of a point, given as
     /// x, y, z, radius in metres, in the workspace or, where the table is found, in the first camera's frame.
-    #[schema(schema_with = avoid_objects_schema)]
     #[serde(default, deserialize_with = "rows::<_, 4, AVOID_MAX>")]
     pub avoid_objects: Option<Vec<[f64; 4]>>,
     /// Only grasps of the object at this point of the workspace, in metres: of the cluster of the seen surface that is
     /// nearest to it, and within 50 mm. For single objects in a heap give masks.
-    #[schema(min_items = 3, max_items = 3)]
     #[serde(default, deserialize_with = "maybe_numbers")]
     pub target_m: Option<[f64; 3]>,
     /// Only grasps that approach within an angle of a direction.
     pub approach: Option<ConeInput>,
     /// Planes that the open hand does not cross on its way, at most 64: each a normal x, y, z, which points to where
     /// the hand may be, and its offset in metres, in the workspace. The hand stays where normal · x ≥ offset.
-    #[schema(schema_with = keep_out_schema)]
     #[serde(default, deserialize_with = "rows::<_, 4, KEEP_OUT_MAX>")]
     pub keep_out: Option<Vec<[f64; 4]>>,
     /// Only grasps whose tips are within this box of the workspace.
@@ -111,11 +96,10 @@ pub struct RequestInput {
 }
 
 /// Directions about one, in the workspace.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ConeInput {
     /// The direction: x, y, z of any length; straight down is 0, 0, -1.
-    #[schema(min_items = 3, max_items = 3)]
     #[serde(deserialize_with = "numbers")]
     pub direction: [f64; 3],
     /// Largest angle from it, in radians, 0 to π.
@@ -141,33 +125,28 @@ impl RequestInput {
 }
 
 /// A box along the axes of the workspace.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoxInput {
     /// The lower corner: x, y, z in metres.
-    #[schema(min_items = 3, max_items = 3)]
     #[serde(deserialize_with = "numbers")]
     pub low_m: [f64; 3],
     /// The upper corner.
-    #[schema(min_items = 3, max_items = 3)]
     #[serde(deserialize_with = "numbers")]
     pub high_m: [f64; 3],
 }
 
 /// A depth image and the camera that took it.
-#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ViewInput {
     /// The image: a grey PNG of 16 bits or an NPY file.
-    #[schema(value_type = DataInput)]
     pub depth: SourceInput,
     /// What to grasp: a grey PNG or an NPY file (bool or uint8) of the image's size, not 0 where the target is.
-    #[schema(value_type = Option<DataInput>)]
     pub mask: Option<SourceInput>,
     /// Metres per stored unit; by default integers are millimetres and floats metres.
     pub depth_scale_m: Option<f64>,
     /// The camera's intrinsics; by default those of the request.
-    #[schema(schema_with = intrinsics_schema)]
     pub intrinsics: Option<IntrinsicsInput>,
     /// The camera in the workspace: x right, y down, z forward. Or, of the first view, `"table"`: the table is found
     /// in what the cameras see, and the workspace put on it.
@@ -237,21 +216,8 @@ impl<'de> Visitor<'de> for PlaceVisitor {
     }
 }
 
-impl PartialSchema for PlaceInput {
-    fn schema() -> RefOr<Schema> {
-        let word = ObjectBuilder::new().schema_type(Type::String).enum_values(Some(["table"]));
-        OneOfBuilder::new().item(PoseInput::schema()).item(word).into()
-    }
-}
-
-impl ToSchema for PlaceInput {
-    fn name() -> Cow<'static, str> {
-        Cow::Borrowed("PlaceInput")
-    }
-}
-
 /// The bytes of a file.
-#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DataInput {
     /// The file in base64 (standard alphabet, padded).
@@ -289,26 +255,6 @@ impl<'de> Visitor<'de> for SourceVisitor {
     fn visit_map<A: MapAccess<'de>>(self, data: A) -> Result<SourceInput, A::Error> {
         DataInput::deserialize(MapAccessDeserializer::new(data)).map(SourceInput::Data)
     }
-}
-
-fn eyes_schema() -> RefOr<Schema> {
-    let what = "Positions of the sensors that saw the cloud, in metres; by default the viewpoint of a PCD file.";
-    rows_schema(numbers_schema(3, "x, y, z in metres."), EYES_MAX, what)
-}
-
-fn avoid_objects_schema() -> RefOr<Schema> {
-    rows_schema(numbers_schema(4, "x, y, z, radius in metres."), AVOID_MAX, "Things to be left for now, as balls.")
-}
-
-fn keep_out_schema() -> RefOr<Schema> {
-    let what =
-        "Planes that the open hand does not cross: a normal, which points to where it may be, and an offset in metres.";
-    rows_schema(numbers_schema(4, "nx, ny, nz, offset in metres."), KEEP_OUT_MAX, what)
-}
-
-fn rows_schema(row: ArrayBuilder, rows_max: usize, what: &str) -> RefOr<Schema> {
-    let items = ArrayItems::RefOrSchema(Box::new(row.into()));
-    ArrayBuilder::new().items(items).max_items(Some(rows_max)).description(Some(what)).into()
 }
 
 /// A request from a file, TOML or JSON, with only keys and types checked.
@@ -370,34 +316,7 @@ fn unfit(what: &str, path: &serde_path_to_error::Path) -> InputError {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
-    use serde_json::Value;
-    use utoipa::PartialSchema;
-
     use super::*;
-
-    /// The keys of a type, as the parser lists them for an unknown key.
-    fn keys_of<T: for<'de> Deserialize<'de>>() -> BTreeSet<String> {
-        let message = serde_json::from_str::<T>("{\"?\": 0}").err().unwrap().to_string();
-        let known = message.strip_prefix("unknown field `?`, expected one of ").unwrap();
-        known.split('`').skip(1).step_by(2).map(str::to_owned).collect()
-    }
-
-    #[test]
-    fn the_apis_description_has_every_key_that_is_read() {
-        let described = |schema: RefOr<Schema>| serde_json::to_value(schema).unwrap();
-        let keys = |schema: &Value| schema["properties"].as_object().unwrap().keys().cloned().collect::<BTreeSet<_>>();
-        let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
-        assert_eq!(keys(&request), keys_of::<RequestInput>());
-        assert_eq!(keys(&view), keys_of::<ViewInput>());
-        assert_eq!(keys(&request).len(), 23);
-        assert_eq!(keys(&view).len(), 9);
-        assert_eq!(view["required"], serde_json::json!(["depth"]));
-        let pose = described(PoseInput::schema());
-        assert_eq!(pose["oneOf"][0]["items"]["maxItems"], 4, "{pose}");
-        assert_eq!(pose["oneOf"][1]["properties"]["position_m"]["minItems"], 3, "{pose}");
-    }
 
     #[test]
     fn a_message_has_the_place_of_an_error_and_nothing_else_of_the_text() {

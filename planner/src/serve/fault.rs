@@ -9,13 +9,11 @@ use axum::Json;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::options::ServeOptions;
 
 /// An error answer.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
-#[schema(as = ErrorAnswer, description = "The body of every error.")]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub(crate) struct Fault {
     /// The error: rule, value, limit, place.
     error: String,
@@ -27,14 +25,12 @@ pub(crate) struct Fault {
 }
 
 /// An error of `/predict`.
-#[derive(Debug, Serialize, ToSchema)]
-#[schema(as = PredictErrorAnswer)]
+#[derive(Debug, Serialize)]
 pub(crate) struct Detailed {
     detail: Detail,
 }
 
-#[derive(Debug, Serialize, ToSchema)]
-#[schema(as = PredictErrorDetail)]
+#[derive(Debug, Serialize)]
 struct Detail {
     /// One of `bad_dtype`, `bad_base64`, `shape_dtype_mismatch`, `bad_shape`, `payload_too_large`, `invalid_geometry`,
     /// `invalid_request`, `not_ready`, `timeout` and `internal_error`.
@@ -80,7 +76,7 @@ impl Fault {
     /// The error of a layer, or of a request that exceeds its limits.
     pub(super) fn of_layer(status: StatusCode, options: &ServeOptions) -> Self {
         let error = match status {
-            StatusCode::NOT_FOUND => "no such path: /openapi.json lists them".to_owned(),
+            StatusCode::NOT_FOUND => "no such path".to_owned(),
             StatusCode::METHOD_NOT_ALLOWED => "no such method for this path: the header Allow lists them".to_owned(),
             StatusCode::PAYLOAD_TOO_LARGE => format!("the body must have at most {} bytes", options.body_bytes_max),
             StatusCode::GATEWAY_TIMEOUT => format!("no answer within {} s", options.request_timeout.as_secs_f64()),

@@ -3,14 +3,13 @@
 use schema::Grid;
 use serde::Serialize;
 use serde_json::Value;
-use utoipa::ToSchema;
 
 use crate::Planner;
 use crate::config::Config;
 use crate::plan::GridAnswer;
 
 /// The planner behind the service.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct ModelAnswer {
     /// The program's version.
     version: &'static str,
@@ -22,10 +21,8 @@ pub(crate) struct ModelAnswer {
     gripper: String,
     /// The workspace.
     #[serde(with = "GridAnswer")]
-    #[schema(value_type = GridAnswer)]
     grid: Grid,
     /// The settings, with the keys of `configs/plan/*.toml`.
-    #[schema(value_type = Object)]
     config: Value,
 }
 

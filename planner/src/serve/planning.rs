@@ -14,7 +14,6 @@ pub(super) struct Planned {
     pub(super) body: Vec<u8>,
     /// Times of the stages in the format of the header `Server-Timing`.
     pub(super) server_timing: String,
-    pub(super) grasp_count: usize,
 }
 
 /// Parses a request, plans, and serialises the answer.
@@ -33,7 +32,6 @@ pub(super) fn plan_bytes(planners: &Planners, body: &[u8]) -> Result<Planned, Fa
     Ok(Planned {
         body: serde_json::to_vec(&plan).map_err(|_| Fault::internal())?,
         server_timing: server_timing(std::iter::once(("parse", parsed_ms)).chain(plan.timings_ms.iter().copied())),
-        grasp_count: plan.grasps.len(),
     })
 }
 

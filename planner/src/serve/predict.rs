@@ -12,7 +12,6 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use schema::{Gripper, Mat3, Pose, Quat, Vec3};
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::fault::Fault;
 use super::options::GraspFrame;
@@ -33,7 +32,7 @@ const GRASPS: usize = 20;
 const REFERENCE: &str = "tcp_between_fingertips";
 
 /// A request of `/predict`. Keys that it does not have are left out of account.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize)]
 pub(crate) struct PredictInput {
     /// Points of the object, [N, 3], in metres.
     point_cloud: ArrayInput,
@@ -47,15 +46,13 @@ pub(crate) struct PredictInput {
     category_sampling: Option<bool>,
     /// The direction of gravity in the clouds' frame, of any length; by default they are in the optical frame of a
     /// camera that stands upright and looks down. Not of the contract.
-    #[schema(min_items = 3, max_items = 3)]
     down: Option<[f64; 3]>,
     /// Where the camera is in the clouds' frame, in metres; by default at its origin. Not of the contract.
-    #[schema(min_items = 3, max_items = 3)]
     eye_m: Option<[f64; 3]>,
 }
 
 /// An array: its little-endian bytes in C's order.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize)]
 pub(crate) struct ArrayInput {
     /// `float32` or `float64`.
     dtype: String,
@@ -66,7 +63,7 @@ pub(crate) struct ArrayInput {
 }
 
 /// An answer of `/predict`.
-#[derive(Debug, Serialize, ToSchema)]
+#[derive(Debug, Serialize)]
 pub(crate) struct PredictAnswer {
     /// The best first.
     grasps: Vec<PredictGrasp>,
@@ -74,7 +71,7 @@ pub(crate) struct PredictAnswer {
 }
 
 /// A grasp in the clouds' frame.
-#[derive(Debug, Serialize, ToSchema)]
+#[derive(Debug, Serialize)]
 struct PredictGrasp {
     /// Its origin, midway between the finger tips' ends, in metres.
     translation: [f32; 3],
@@ -97,7 +94,7 @@ struct PredictGrasp {
 }
 
 /// What an answer says of itself.
-#[derive(Debug, Serialize, ToSchema)]
+#[derive(Debug, Serialize)]
 struct PredictMeta {
     /// The hand.
     hand: String,
@@ -132,7 +129,7 @@ struct PredictMeta {
 }
 
 /// The hand, its frame, and limits of a request.
-#[derive(Debug, Serialize, ToSchema)]
+#[derive(Debug, Serialize)]
 pub(crate) struct ConfigAnswer {
     hand: String,
     model_name: &'static str,
@@ -169,7 +166,7 @@ pub(crate) struct ConfigAnswer {
 }
 
 /// Versions.
-#[derive(Debug, Serialize, ToSchema)]
+#[derive(Debug, Serialize)]
 pub(crate) struct VersionAnswer {
     server_version: &'static str,
     api_version: &'static str,
@@ -255,11 +252,7 @@ pub(super) fn predict_bytes(planner: &Planner, frame: GraspFrame, body: &[u8]) -
     let server_timing = server_timing(std::iter::once(("parse", parsed_ms)).chain(plan.timings_ms.iter().copied()));
     let inference_ms = started.elapsed().as_secs_f64() * 1e3;
     let answer = PredictAnswer::new(planner, (frame, eye_m), (plan, &input), (counts, inference_ms, body));
-    Ok(Planned {
-        body: serde_json::to_vec(&answer).map_err(|_| Fault::internal())?,
-        server_timing,
-        grasp_count: answer.grasps.len(),
-    })
+    Ok(Planned { body: serde_json::to_vec(&answer).map_err(|_| Fault::internal())?, server_timing })
 }
 
 fn parse(body: &[u8]) -> Result<PredictInput, Fault> {

@@ -62,11 +62,7 @@ fn start(options: ServeOptions, go: &Arc<AtomicBool>) -> Running {
             while other == b"wait" && !go.load(Ordering::Relaxed) {
                 std::thread::sleep(Duration::from_millis(2));
             }
-            Ok(Planned {
-                body: b"{\"grasps\":[]}".to_vec(),
-                server_timing: "parse;dur=1.00".to_owned(),
-                grasp_count: 0,
-            })
+            Ok(Planned { body: b"{\"grasps\":[]}".to_vec(), server_timing: "parse;dur=1.00".to_owned() })
         }
     };
     let shared = Shared::new(work(plan), &options);
@@ -127,16 +123,12 @@ fn until(condition: impl Fn() -> bool) {
 }
 
 #[test]
-fn a_plan_is_answered_timed_and_counted() {
+fn a_plan_is_answered_and_timed() {
     let service = started();
     let answer = service.plan("anything");
     assert!(answer.starts_with("HTTP/1.1 200 OK"), "{answer}");
     assert!(answer.contains("server-timing: parse;dur=1.00"), "{answer}");
     assert!(answer.ends_with("{\"grasps\":[]}"), "{answer}");
-    let metrics = service.ask(&get_request("/metrics"));
-    assert!(metrics.contains("planner_requests_total{endpoint=\"/v1/plan\",status=\"200\"} 1"), "{metrics}");
-    assert!(metrics.contains("planner_empty_plans_total 1"), "{metrics}");
-    assert!(metrics.contains("planner_requests_in_flight 1"), "the one that asks is under way: {metrics}");
     service.end();
 }
 
@@ -196,7 +188,6 @@ fn who_finds_no_place_is_turned_away_while_health_answers() {
     assert!(service.ask(&get_request("/healthz")).ends_with("ok"));
     go.store(true, Ordering::Relaxed);
     assert!(waiting.join().unwrap().starts_with("HTTP/1.1 200"));
-    assert_eq!(service.shared.metrics.rejected.get(), 1);
     service.end();
 }
 
