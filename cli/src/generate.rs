@@ -22,9 +22,8 @@ use crate::table;
 /// Random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards.
 ///
 /// Running the same command again continues: committed shards are skipped, and the bytes are those of an uninterrupted
-/// run. A run that a signal stops (Ctrl-C, SIGTERM) ends within a second or two and loses at most the scene that each
-/// thread is in: in a folder, finished scenes of incomplete shards are kept, and the next run takes them up. A dataset
-/// is a pure function of the config, the seed and this program's version.
+/// run. A run that a signal stops (Ctrl-C, SIGTERM) ends within a second or two and loses what it made of incomplete
+/// shards. A dataset is a pure function of the config, the seed and this program's version.
 #[derive(Debug, Args)]
 #[command(after_help = format!("{EXAMPLES}\n\n{}\n\n{ENVIRONMENT}\n\n{}", ExitCode::HELP, Location::HELP))]
 pub(crate) struct Arguments {
@@ -160,7 +159,6 @@ impl Progress {
                 tracing::info!(shard, "skipped: an earlier run committed it");
                 self.bar.dec_length(attempts);
             }
-            Event::TakenUp { attempts } => self.bar.dec_length(attempts),
             Event::Scene { attempts, positives } => {
                 let made = self.made.fetch_add(attempts, Ordering::Relaxed) + attempts;
                 let held = self.held.fetch_add(positives, Ordering::Relaxed) + positives;

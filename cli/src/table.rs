@@ -21,39 +21,28 @@ pub(crate) fn render(report: &Report, at: &Location, elapsed_s: f64) -> String {
     if !report.rejected.moving.is_empty() {
         line(&mut text, "moved on", &report.rejected.moved_on());
     }
-    let taken_up = &report.taken_up;
-    if taken_up.scenes > 0 {
-        let scenes = format!("{} scenes that a stopped run had finished", grouped(taken_up.scenes));
-        line(&mut text, "taken up", &scenes);
-    }
-    let built = made.saturating_sub(taken_up.labels.attempts);
-    if built > 0 {
-        let rate = built as f64 / elapsed_s;
+    if made > 0 {
+        let rate = made as f64 / elapsed_s;
         line(
             &mut text,
             "speed",
-            &format!("{} attempts/s ({} in {elapsed_s:.1} s)", grouped(rate as u64), grouped(built)),
+            &format!("{} attempts/s ({} in {elapsed_s:.1} s)", grouped(rate as u64), grouped(made)),
         );
     }
     text += "\n";
     text += &match (&report.dataset, &report.stopped) {
         (Some(Finalized::Complete(_)), _) if made == 0 => format!("complete already: {at}\n"),
-        (_, Some(stopped)) => goes_on(stopped, at),
+        (_, Some(stopped)) => goes_on(stopped),
         (Some(state), None) => next(state, at),
         (None, None) => format!("next, when all shards exist: graspmill dataset finalize {at}\n"),
     };
     text
 }
 
-/// What a stopped run leaves, and how to go on.
-fn goes_on(stopped: &Stopped, at: &Location) -> String {
-    let Stopped { kept, abandoned } = stopped;
-    let (scenes, attempts) = (grouped(kept.scenes), grouped(kept.labels.attempts));
-    let kept = match at {
-        Location::Path(_) => format!("{scenes} finished scenes of incomplete shards are kept ({attempts} attempts)"),
-        Location::Url(_) => "an object store keeps no scenes of incomplete shards".to_owned(),
-    };
-    format!("stopped: {kept}, {abandoned} under way are not\nnext: run the same command again, which continues\n")
+/// What a stopped run loses, and how to go on.
+fn goes_on(Stopped { finished, abandoned }: &Stopped) -> String {
+    let lost = format!("{} finished scenes of incomplete shards are lost, {abandoned} under way", grouped(*finished));
+    format!("stopped: {lost}\nnext: run the same command again, which continues\n")
 }
 
 /// The result of `finalize`.

@@ -2,7 +2,6 @@
 //! complete. A separate thread encodes rows while the others simulate.
 
 use std::collections::BTreeMap;
-use std::iter::Peekable;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -12,7 +11,7 @@ use program::text::percent;
 use program::{Context as _, Exit, ExitCode, Failure};
 use rayon::prelude::*;
 use schema::{SceneRows, Shape};
-use shards::{Counts, DatasetInfo, Draft, Finalized, KeptScenes, Location, ShardWriter};
+use shards::{Counts, DatasetInfo, Draft, Finalized, Location, ShardWriter};
 
 use crate::build::{NoScene, Stage, make_scene_timed};
 use crate::config::Config;
@@ -38,11 +37,6 @@ pub enum Event {
         /// Its attempts.
         attempts: u64,
     },
-    /// A scene was taken up that an earlier run had finished before it was stopped.
-    TakenUp {
-        /// Its attempts.
-        attempts: u64,
-    },
     /// A scene has been built.
     Scene {
         /// Its attempts.
@@ -64,19 +58,18 @@ pub struct Report {
     pub made: Counts,
     /// Scenes that this run threw away, by what moved on.
     pub rejected: Rejected,
-    /// Scenes that an earlier run had finished before it was stopped, and that this run did not build again.
-    pub taken_up: Counts,
     /// Set if the run was stopped before its shards were done.
     pub stopped: Option<Stopped>,
     /// The state of the whole dataset; `None` if that was not looked at (see [`LOOK_SHARDS_MAX`]).
     pub dataset: Option<Finalized>,
 }
 
-/// What a stopped run leaves beside committed shards.
-#[derive(Debug, Clone, PartialEq)]
+/// What a stopped run loses, for the next one to make again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stopped {
-    /// Finished scenes of shards that are not complete, which the next run takes up.
-    pub kept: Counts,
+    /// Finished scenes of shards that are not complete: of one shard and of the scenes under way, if shards are longer
+    /// than these.
+    pub finished: u64,
     /// Scenes that were begun and not finished, at most one a thread.
     pub abandoned: u64,
 }
@@ -133,8 +126,7 @@ impl Exit for NoScene {
 }
 
 /// Generates the shards `wanted` of a dataset, skips existing ones, and completes the dataset if possible. When `stop`
-/// is set, the run ends soon: it abandons the scenes under way, and keeps the finished scenes of incomplete
-/// shards for the next run ([`ShardWriter::keep`]).
+/// is set, the run ends soon: it abandons the scenes under way, and the scenes of incomplete shards are lost.
 ///
 /// # Errors
 /// If a scene cannot be built or a shard not be written, or if more than `rejected_max` of the scenes are thrown away;
@@ -157,19 +149,20 @@ pub fn generate(
     for shard in wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_err()) {
         on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
     }
-    let (mut rejected, mut taken_up) = (Rejected::default(), Counts::zero());
+    let mut rejected = Rejected::default();
     let run = Run { config, draft: &draft, rejected_max, stop, on_event };
     let (made, stopped) = thread::scope(|scope| {
         let (send, receive) = sync_channel(1);
         let writer = thread::Builder::new().spawn_scoped(scope, || run.write_shards(receive));
         let writer = writer.context("failed to start the writer's thread")?;
-        let abandoned = run.build_scenes(&missing, (&mut rejected, &mut taken_up), &send);
+        let abandoned = run.build_scenes(&missing, &mut rejected, &send);
         drop(send);
-        let (made, kept) = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-        Ok::<_, Failure>((made, abandoned?.map(|abandoned| Stopped { kept, abandoned })))
+        let made: Counts = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        let finished = rejected.kept - made.scenes;
+        Ok::<_, Failure>((made, abandoned?.map(|abandoned| Stopped { finished, abandoned })))
     })?;
     let looks = is_all || info.shard_count <= LOOK_SHARDS_MAX;
-    Ok(Report { made, rejected, taken_up, stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
+    Ok(Report { made, rejected, stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
 }
 
 /// The missing shards among `wanted`: checks each, or lists all at once if `wanted` is a large part of the dataset.
@@ -198,46 +191,36 @@ struct Run<'a> {
     on_event: &'a (dyn Fn(Event) + Sync),
 }
 
-/// A finished scene with its shard, and what moved on in each try before it if this run built it.
-type Finished = ((u32, SceneRows), Option<Vec<Option<Shape>>>);
+/// A finished scene with its shard, and what moved on in each try before it.
+type Finished = ((u32, SceneRows), Vec<Option<Shape>>);
 
 impl Run<'_> {
     fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Builds the scenes of `shards` in parallel and sends them in order, each with its shard; those that an
-    /// earlier run kept are taken up instead. If the run is stopped, what is finished is sent, and the number of
-    /// abandoned scenes returned. Also ends early if the receiver is gone.
+    /// Builds the scenes of `shards` in parallel and sends them in order, each with its shard. If the run is stopped,
+    /// those up to the first unfinished one are sent, and the number of abandoned scenes returned. Also ends early if
+    /// the receiver is gone.
     fn build_scenes(
         &self,
         shards: &[u32],
-        (rejected, taken_up): (&mut Rejected, &mut Counts),
+        rejected: &mut Rejected,
         send: &SyncSender<Vec<(u32, SceneRows)>>,
     ) -> Result<Option<u64>, Failure> {
         let info = self.draft.info();
         let scenes: Vec<(u32, u64)> =
             shards.iter().flat_map(|shard| info.scenes_of(*shard).map(|scene_id| (*shard, scene_id))).collect();
         let mut by_shape: BTreeMap<Shape, u64> = BTreeMap::new();
-        let mut kept = Kept { draft: self.draft, open: None };
         let abandoned = AtomicU64::new(0);
         for batch in scenes.chunks(SCENES_AT_ONCE) {
-            let work: Vec<(u32, u64, Option<SceneRows>)> = batch
-                .iter()
-                .map(|(shard, id)| (*shard, *id, self.take_up(&mut kept, (*shard, *id), taken_up)))
-                .collect();
-            let built: Result<Vec<Option<Finished>>, NoScene> = work
-                .into_par_iter()
-                .with_max_len(1)
-                .map(|(shard, id, rows)| match rows {
-                    Some(rows) => Ok(Some(((shard, rows), None))),
-                    None => self.build(shard, id, &abandoned),
-                })
-                .collect();
+            let built: Result<Vec<Option<Finished>>, NoScene> =
+                batch.par_iter().with_max_len(1).map(|(shard, id)| self.build(*shard, *id, &abandoned)).collect();
             let built = built?;
-            let is_whole = built.iter().all(Option::is_some);
+            let in_order = built.iter().take_while(|scene| scene.is_some()).count();
+            let is_whole = in_order == built.len();
             let (mut built, moved): (Vec<_>, Vec<_>) = built.into_iter().flatten().unzip();
-            let moved: Vec<_> = moved.into_iter().flatten().collect();
+            built.truncate(in_order);
             rejected.kept += moved.len() as u64;
             for moving in moved.into_iter().flatten() {
                 rejected.thrown_away += 1;
@@ -245,10 +228,7 @@ impl Run<'_> {
             }
             rejected.moving = most_first(&by_shape, info);
             let is_stopped = !is_whole || self.is_stopped();
-            if is_stopped {
-                // Otherwise less would be kept of the last shard than before.
-                built.extend(kept.rest());
-            } else if rejected.is_above(self.rejected_max) {
+            if !is_stopped && rejected.is_above(self.rejected_max) {
                 return Err(too_many(rejected, self.rejected_max));
             }
             let is_over = built.last().map(|(_, rows)| rows.scene.scene_id) == scenes.last().map(|(_, id)| *id);
@@ -260,14 +240,6 @@ impl Run<'_> {
             }
         }
         Ok(None)
-    }
-
-    /// The rows of a scene that an earlier run kept.
-    fn take_up(&self, kept: &mut Kept<'_>, scene: (u32, u64), taken_up: &mut Counts) -> Option<SceneRows> {
-        let rows = kept.take(scene)?;
-        taken_up.count(&rows);
-        (self.on_event)(Event::TakenUp { attempts: rows.attempts.len() as u64 });
-        Some(rows)
     }
 
     /// Builds a scene; nothing if the run is stopped before it is finished.
@@ -292,25 +264,19 @@ impl Run<'_> {
         };
         let positives = rows.attempts.iter().map(|a| u64::from(a.label())).sum();
         (self.on_event)(Event::Scene { attempts: rows.attempts.len() as u64, positives });
-        Ok(Some(((shard, rows), Some(moved))))
+        Ok(Some(((shard, rows), moved)))
     }
 
     /// Writes scenes as they arrive and commits a shard when it has all its scenes. Returns the counts of what was
-    /// committed and, if the run is stopped, of what is kept of incomplete shards; otherwise these are dropped.
-    fn write_shards(&self, receive: Receiver<Vec<(u32, SceneRows)>>) -> Result<(Counts, Counts), Failure> {
-        let (mut made, mut kept) = (Counts::zero(), Counts::zero());
+    /// committed.
+    fn write_shards(&self, receive: Receiver<Vec<(u32, SceneRows)>>) -> Result<Counts, Failure> {
+        let mut made = Counts::zero();
         let mut open: Option<(u64, ShardWriter)> = None;
         for (shard, rows) in receive.into_iter().flatten() {
-            if let Some((_, unfinished)) = open.take_if(|(_, writer)| self.is_stopped() && writer.shard() != shard) {
-                keep(unfinished, &mut kept);
-            }
             let (missing, mut writer) = match open.take() {
                 Some(open) => open,
                 None => (self.draft.info().scenes_of(shard).count() as u64, self.draft.shard(shard)?),
             };
-            if self.is_stopped() {
-                writer.skip_to(rows.scene.scene_id);
-            }
             writer.push(&rows)?;
             if missing > 1 {
                 open = Some((missing - 1, writer));
@@ -319,43 +285,7 @@ impl Run<'_> {
                 (self.on_event)(Event::Committed { shard });
             }
         }
-        if let Some((_, unfinished)) = open.filter(|_| self.is_stopped()) {
-            keep(unfinished, &mut kept);
-        }
-        Ok((made, kept))
-    }
-}
-
-/// Keeps the scenes of an incomplete shard. If that fails, they are lost as after a kill.
-fn keep(unfinished: ShardWriter, kept: &mut Counts) {
-    let shard = unfinished.shard();
-    match unfinished.keep() {
-        Ok(counts) => kept.add(&counts),
-        Err(error) => tracing::warn!(shard, %error, "finished scenes of the shard could not be kept"),
-    }
-}
-
-/// The scenes that an earlier run kept, asked for in order.
-struct Kept<'a> {
-    draft: &'a Draft,
-    /// The shard that was asked for last.
-    open: Option<(u32, Peekable<KeptScenes<'a>>)>,
-}
-
-impl Kept<'_> {
-    fn take(&mut self, (shard, scene_id): (u32, u64)) -> Option<SceneRows> {
-        if self.open.as_ref().is_none_or(|(open, _)| *open != shard) {
-            self.open = Some((shard, self.draft.kept(shard).peekable()));
-        }
-        let (_, scenes) = self.open.as_mut()?;
-        scenes.next_if(|rows| rows.scene.scene_id == scene_id)
-    }
-
-    /// What is left of the shard that was asked for last: no more than a batch, for a run that built scenes
-    /// before these has come to where an earlier one was stopped, and that one was at most a batch ahead.
-    fn rest(&mut self) -> impl Iterator<Item = (u32, SceneRows)> {
-        let rest = self.open.take().into_iter().flat_map(|(shard, scenes)| scenes.map(move |rows| (shard, rows)));
-        rest.take(SCENES_AT_ONCE)
+        Ok(made)
     }
 }
 

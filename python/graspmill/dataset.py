@@ -72,7 +72,7 @@ def generate(
     Raises:
         InputError: If the config is wrong, or the folder holds another dataset.
         OutsideError: If the disk or the store fails; the same call continues.
-        KeyboardInterrupt: After Ctrl-C. Finished scenes are kept, and the same call continues.
+        KeyboardInterrupt: After Ctrl-C. Complete shards are kept, and the same call continues.
     """
     if out is None or (config not in (None, "paper") and str(out).endswith(".toml")):
         warnings.warn("generate(config, out) is now generate(out, config)", DeprecationWarning, stacklevel=2)

@@ -23,7 +23,7 @@ struct Counts {
 impl Counts {
     fn add(&self, event: &Event) {
         let (more, positive) = match *event {
-            Event::Skipped { attempts, .. } | Event::TakenUp { attempts } => (attempts, 0),
+            Event::Skipped { attempts, .. } => (attempts, 0),
             Event::Scene { attempts, positives } => (attempts, positives),
             Event::Committed { .. } => (0, 0),
         };
@@ -96,7 +96,7 @@ impl Generation {
         Ok(self.work.soon(py)?.is_some())
     }
 
-    /// Stops it, and waits until the finished scenes are kept.
+    /// Stops it, and waits until the complete shards are committed.
     fn stop(&mut self, py: Python<'_>) {
         self.counts.stop.store(true, Ordering::Relaxed);
         self.work.end(py);

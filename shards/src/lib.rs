@@ -62,4 +62,4 @@ pub use format::{ATTEMPTS_MAX, DatasetInfo, Form, FormatVersion, RESOLUTION_MAX,
 pub use read::tests::fuzzing;
 pub use read::{ArrowStream, Dataset, PROBLEMS_MAX, Verified, read_plain_table, verify};
 pub use store::{Location, Sweep, Swept};
-pub use write::{Draft, Finalized, KeptScenes, PlainColumn, ShardWriter, plain_table, pose_columns};
+pub use write::{Draft, Finalized, PlainColumn, ShardWriter, plain_table, pose_columns};

@@ -4,13 +4,11 @@ mod begin;
 mod card;
 mod draft;
 mod finalize;
-mod kept;
 mod plain_table;
 pub(crate) mod table_writer;
 mod writer;
 
 pub use draft::Draft;
 pub use finalize::Finalized;
-pub use kept::KeptScenes;
 pub use plain_table::{PlainColumn, plain_table, pose_columns};
 pub use writer::ShardWriter;

@@ -76,11 +76,6 @@ def leftovers(folder):
     return [name for name in files(folder) if is_staging(name)]
 
 
-def is_kept(name):
-    """Whether a staging file has scenes that a stopped run kept on purpose."""
-    return "#kept." in name
-
-
 class Case:
     """A command that makes a dataset, and the dataset of its undisturbed run."""
 

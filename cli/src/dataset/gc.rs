@@ -18,8 +18,8 @@ pub(crate) struct Arguments {
     #[arg(long)]
     dry_run: bool,
 
-    /// Also remove scenes that a stopped run kept, and files that a running writer may still be writing (without file
-    /// locks, a file system cannot tell them apart)
+    /// Also remove files that a running writer may still be writing (without file locks, a file system cannot tell them
+    /// apart)
     #[arg(long, conflicts_with = "dry_run")]
     all: bool,
 }
@@ -33,8 +33,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let Swept { files, bytes: size, kept } = Draft::open(&arguments.dataset)?.sweep(sweep)?;
     let mut text = format!("{files} files of killed writers {done}, {}\n", bytes(size));
     if kept > 0 {
-        text +=
-            &format!("{kept} files kept: a running writer or the next run may still need them (--all removes them)\n");
+        text += &format!("{kept} files kept: a running writer may still need them (--all removes them)\n");
     }
     print(text)?;
     Ok(ExitCode::Ok)

@@ -21,18 +21,6 @@ pub fn table_file(table: Table, shard: u32, shard_count: u32) -> String {
     format!("{}/shard-{shard:05}-of-{shard_count:05}.parquet", table.name())
 }
 
-/// The marker of the scenes that a stopped run kept of a shard. Like the name below, it is one of staging,
-/// which readers ignore, and completing the dataset removes it. No host's name makes such a name, so `gc` takes no host
-/// for its owner.
-pub(crate) fn kept_marker(shard: u32) -> String {
-    format!("meta/shards/.{shard:05}.json#kept.tmp")
-}
-
-/// The file of a table with the scenes that a stopped run kept of a shard, named by its content.
-pub(crate) fn kept_file(table: Table, shard: u32, shard_count: u32, sha256: &str) -> String {
-    format!("{}/.shard-{shard:05}-of-{shard_count:05}.parquet#kept.{sha256}.tmp", table.name())
-}
-
 /// A shard's marker, such as `meta/shards/00003.json`.
 #[must_use]
 pub fn marker(shard: u32) -> String {

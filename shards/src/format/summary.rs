@@ -200,14 +200,6 @@ impl ShardSummary {
         }
     }
 
-    pub(crate) fn file_mut(&mut self, table: Table) -> &mut FileSummary {
-        match table {
-            Table::Attempts => &mut self.attempts,
-            Table::Scenes => &mut self.scenes,
-            Table::Objects => &mut self.objects,
-        }
-    }
-
     /// Contradictions to the dataset or within itself, one message each.
     #[must_use]
     pub fn problems(&self, info: &DatasetInfo, dataset_id: &str) -> Vec<String> {

@@ -156,17 +156,6 @@ impl Ready {
         }
     }
 
-    /// Publishes the file under another name in its folder. An object store has no such names, and nothing happens.
-    pub(crate) fn publish_as(self, name: &str) -> Result<(), Failure> {
-        match self.body {
-            Body::File(staged) => {
-                let target = staged.target.with_file_name(Path::new(name).file_name().unwrap_or_default());
-                StagingFile { target, ..staged }.publish()
-            }
-            Body::Object { .. } => Ok(()),
-        }
-    }
-
     /// Publishes the file unless the name is taken; returns whether it did.
     pub(crate) fn publish_new(self) -> Result<bool, Failure> {
         match self.body {

@@ -232,13 +232,6 @@ impl Storage {
         Err(failed("use the object store", self.location(name))(source))
     }
 
-    /// Removes a file, if it is there and the disk lets it go.
-    pub(crate) fn remove(&self, name: &str) {
-        if let Self::Folder(store) = self {
-            let _ = std::fs::remove_file(store.path(name)); // what stays is swept when the dataset is complete
-        }
-    }
-
     /// The folder, unless this is an object store.
     pub(crate) fn folder(&self) -> Option<&Path> {
         match self {

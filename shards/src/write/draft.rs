@@ -7,7 +7,6 @@ use crate::format::summary::ShardSummary;
 use crate::format::{layout, seal};
 use crate::read::dataset::read_info;
 use crate::store::{Storage, Sweep, Swept};
-use crate::write::kept::KeptScenes;
 use crate::write::writer::ShardWriter;
 use crate::{DatasetInfo, Location, Table};
 
@@ -50,12 +49,6 @@ impl Draft {
         ShardWriter::create(self.storage.clone(), &self.info, &self.dataset_id, shard)
     }
 
-    /// The scenes that a stopped run kept of a shard ([`ShardWriter::keep`]).
-    #[must_use]
-    pub fn kept(&self, shard: u32) -> KeptScenes<'_> {
-        KeptScenes::new((&self.storage, &self.info, &self.dataset_id), shard)
-    }
-
     /// Whether a shard exists: a marker of this dataset, and files of the marker's sizes.
     ///
     /// # Errors
@@ -86,8 +79,8 @@ impl Draft {
         self.storage.flush(&FOLDERS)
     }
 
-    /// Removes leftovers of killed writers; what stopped runs kept counts as needed. In an object store there are none,
-    /// because objects are uploaded in one piece. If the dataset is complete, no leftover is needed, so [`Sweep::Dead`]
+    /// Removes leftovers of killed writers. In an object store there are none, because objects are uploaded in one
+    /// piece. If the dataset is complete, no leftover is needed, so [`Sweep::Dead`]
     /// removes all. All shards are not enough: a writer may be about to publish the card, the manifest or `_SUCCESS`.
     ///
     /// # Errors

@@ -9,7 +9,6 @@ use crate::format::check;
 use crate::format::summary::{Counts, FileSummary, ShardSummary};
 use crate::format::{encode, layout, seal};
 use crate::store::{Published, Ready, Storage};
-use crate::write::kept;
 use crate::write::table_writer::{TableWriter, unwritten};
 use crate::{DatasetInfo, SCENES_PER_ROW_GROUP, Table};
 
@@ -114,44 +113,6 @@ impl ShardWriter {
         self.shard
     }
 
-    /// Leaves out the scenes before this one: the shard can then not be committed any more, but kept.
-    pub fn skip_to(&mut self, scene_id: u64) {
-        self.next = self.next.max(scene_id);
-    }
-
-    /// Keeps the scenes so far for a later run, which finds them by [`Draft::kept`](crate::Draft::kept), and returns
-    /// what is kept. In an object store that is nothing. What another run kept of the shard stays if it is as much; if
-    /// the shard is there, nothing is kept.
-    ///
-    /// # Errors
-    /// [`Failure`] if the storage fails.
-    pub fn keep(self) -> Result<Counts, Failure> {
-        let (shard, shard_count) = (self.shard, self.info.shard_count);
-        if self.storage.folder().is_none() || self.storage.size(&layout::marker(shard))?.is_some() {
-            return Ok(Counts::zero());
-        }
-        let before = kept::summary((&self.storage, &self.info, &self.dataset_id), shard).unwrap_or_default();
-        if let Some(before) = before.as_ref().filter(|before| before.counts.scenes >= self.counts.scenes) {
-            return Ok(before.counts.clone());
-        }
-        let (storage, files, mut summary) = self.finish()?;
-        storage.check_in_place(&summary.dataset_id)?;
-        for (table, file) in files {
-            let told = summary.file_mut(table);
-            told.path = layout::kept_file(table, shard, shard_count, &told.sha256);
-            file.publish_as(&told.path)?;
-        }
-        storage.publish(&layout::kept_marker(shard), seal::seal(&summary).as_bytes())?;
-        for table in Table::ALL {
-            if let Some(file) =
-                before.as_ref().map(|before| before.file(table)).filter(|file| *file != summary.file(table))
-            {
-                storage.remove(&file.path);
-            }
-        }
-        Ok(summary.counts)
-    }
-
     /// Commits the shard: the three files are published, then the marker, with which the shard exists. Existing files
     /// are compared, not replaced, because all writers of a shard write the same bytes.
     ///
@@ -161,12 +122,6 @@ impl ShardWriter {
         if self.next != self.scenes.end {
             return Err(self.out_of_order("the end"));
         }
-        let count = self.scenes.end - self.scenes.start;
-        if self.counts.scenes != count {
-            let text = format!("shard {} must have {count} scenes, got {}", self.shard, self.counts.scenes);
-            return Err(Failure::new(ExitCode::Internal, text));
-        }
-        let info = self.info.clone();
         let (storage, files, summary) = self.finish()?;
         let shard = summary.shard;
         let marker = layout::marker(shard);
@@ -187,7 +142,6 @@ impl ShardWriter {
         {
             storage.publish(&marker, text.as_bytes())?; // replaces a damaged one
         }
-        kept::remove((&storage, &info, &summary.dataset_id), shard);
         Ok(summary)
     }
 
