@@ -7,7 +7,6 @@ mod steps;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 use clap::Args;
 use generator::{Overrides, REJECTED_SHARE_MAX};
@@ -58,7 +57,7 @@ pub(crate) struct Arguments {
     /// Seed of the first dataset.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 60))]
     seed: u64,
-    /// Print the steps and how long they will take, and end.
+    /// Print the steps, and end.
     #[arg(long)]
     dry_run: bool,
 }
@@ -100,17 +99,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     write_settings(&pipeline)?;
     start_threads(None)?;
     let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
-    let is_new = !steps.iter().any(|step| step.action.done().parent().is_some_and(Path::exists));
-    if arguments.dry_run || is_new {
-        let Some(time) = estimated(&pipeline, &stop)? else {
-            print("stopped by a signal, before the first step\n")?;
-            return Ok(ExitCode::TryAgain);
-        };
-        let minutes = time.as_secs() / 60 + 1;
-        let cores = experiment::run::cores();
-        print(format_args!("{} steps, about {} h {} min on {cores} cores\n", steps.len(), minutes / 60, minutes % 60))?;
-    }
     if arguments.dry_run {
+        print(format_args!("{} steps\n", steps.len()))?;
         for Step { what, action } in &steps {
             print(format_args!("\n# {what}\n{}\n", action.command()))?;
         }
@@ -154,12 +144,25 @@ fn write_settings(pipeline: &Pipeline) -> Result<(), Failure> {
 /// Takes a step, with its progress and its results on the terminal.
 fn execute(action: &Action, stop: &AtomicBool) -> Result<ExitCode, Failure> {
     match action {
-        Action::Generate { out, .. } => {
-            let config = generator_config(action)?;
+        Action::Generate { config, attempts, shards, seed, policy, out } => {
+            let set = Action::generator_settings(policy.as_deref());
+            let overrides = Overrides {
+                seed: Some(*seed),
+                shards: Some(*shards),
+                attempts: Some(*attempts),
+                policy: policy.as_deref(),
+                set: &set,
+            };
+            let config = generator::Config::load(Some(config), overrides)?;
             let all: Vec<u32> = (0..config.shards).collect();
             generate::execute(&config, &Location::from(out.as_path()), &all, REJECTED_SHARE_MAX, stop)
         }
-        Action::Fit { .. } => fit(action, |job| training::fit::execute(job, stop)),
+        Action::Fit { config, epochs, run, data, from } => {
+            let (config, from) = training::fit::config(Some(config), Some(*epochs), from.as_deref())?;
+            let data: Vec<Location> = data.iter().map(|data| Location::from(data.as_path())).collect();
+            let (config, from, device) = (&config, from.as_ref(), &Device::Host);
+            training::fit::execute(&Job { data: &data, config, run, from, resume: true, device }, stop)
+        }
         Action::Evaluate { run, data, report } => {
             let (data, report) = (Location::from(data.as_path()), Some(report.as_path()));
             training::evaluate::execute(&SavedAs::Best.path(run), &data, TestSet::All, None, false, report)
@@ -169,56 +172,4 @@ fn execute(action: &Action, stop: &AtomicBool) -> Result<ExitCode, Failure> {
             experiment::run::execute(&config, out, experiment::run::cores(), stop, action.command())
         }
     }
-}
-
-fn generator_config(action: &Action) -> Result<generator::Config, Failure> {
-    let Action::Generate { config, attempts, shards, seed, policy, .. } = action else {
-        return Err(Failure::new(ExitCode::Internal, "no dataset"));
-    };
-    let set = Action::generator_settings(policy.as_deref());
-    let overrides = Overrides {
-        seed: Some(*seed),
-        shards: Some(*shards),
-        attempts: Some(*attempts),
-        policy: policy.as_deref(),
-        set: &set,
-    };
-    Ok(generator::Config::load(Some(config), overrides)?)
-}
-
-fn fit<T>(action: &Action, train: impl FnOnce(&Job<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
-    let Action::Fit { config, epochs, run, data, from } = action else {
-        return Err(Failure::new(ExitCode::Internal, "no training"));
-    };
-    let (config, from) = training::fit::config(Some(config), Some(*epochs), from.as_deref())?;
-    let data: Vec<Location> = data.iter().map(|data| Location::from(data.as_path())).collect();
-    train(&Job { data: &data, config: &config, run, from: from.as_ref(), resume: true, device: &Device::Host })
-}
-
-/// How long the pipeline takes, from the same one with few attempts; nothing if a signal stopped that.
-fn estimated(pipeline: &Pipeline, stop: &AtomicBool) -> Result<Option<Duration>, Failure> {
-    let folder = tempfile::tempdir().context("failed to make a folder for the estimate")?;
-    let (pilot, steps) = pipeline.pilot(folder.path())?;
-    write_settings(&pilot)?;
-    let mut spent = Vec::new();
-    for Step { action, .. } in &steps {
-        let began = Instant::now();
-        match action {
-            Action::Generate { out, .. } => {
-                let config = generator_config(action)?;
-                let all: Vec<u32> = (0..config.shards).collect();
-                generator::generate(&config, out.as_path(), &all, REJECTED_SHARE_MAX, stop, &|_| ())?;
-            }
-            Action::Fit { .. } => {
-                fit(action, |job| trainer::fit::fit(job, stop, &|_| ()))?;
-            }
-            // The pilot ends with the judge.
-            Action::Evaluate { .. } | Action::Experiment { .. } => {}
-        }
-        if stop.load(Ordering::Relaxed) {
-            return Ok(None);
-        }
-        spent.push(began.elapsed());
-    }
-    Ok(Some(pipeline.time(&spent)))
 }

@@ -6,7 +6,6 @@
 //! each program goes on where it was stopped; so a pipeline needs no state of its own.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use network::checkpoint::{self, Checkpoint};
 use program::Failure;
@@ -51,11 +50,8 @@ const ATTEMPTS_PER_SCENE: u64 = 120;
 const SHARDS_MAX: u64 = 64;
 /// In experiments lies what the hand can span.
 const VIABLE: [&str; 2] = ["objects.viable_only", "true"];
-/// Attempts from whose pipeline the time is estimated.
-const PILOT_ATTEMPTS: u64 = 6_000;
-/// Rounds of an experiment, on a seed that nothing is tuned on, and the time that one takes.
+/// Rounds of an experiment, on a seed that nothing is tuned on.
 pub(super) const ROUNDS: u32 = 100;
-const ROUND: Duration = Duration::from_millis(600);
 
 words! {
     /// From where scenes are seen.
@@ -230,41 +226,6 @@ impl Pipeline {
             steps.extend(self.objects.iter().map(|_| step("pile-objects", "pile", Some(scene.clone()))));
         }
         Ok(steps)
-    }
-
-    /// The same pipeline with few attempts, up to the judge, from whose times [`Self::time`] estimates the whole.
-    ///
-    /// # Errors
-    /// If there is no such hand.
-    pub(crate) fn pilot(&self, folder: &Path) -> Result<(Self, Vec<Step>), Failure> {
-        let pilot = Self {
-            hand: self.hand.clone(),
-            out: folder.to_owned(),
-            attempts: PILOT_ATTEMPTS,
-            objects: self.objects.clone(),
-            from: self.from.clone(),
-            ..*self
-        };
-        let mut steps = pilot.steps()?;
-        let judge = pilot.weights();
-        steps.truncate(1 + steps.iter().position(|step| step.action.done() == judge).unwrap_or(0));
-        Ok((pilot, steps))
-    }
-
-    /// How long all steps take if the pilot's took this long.
-    #[must_use]
-    pub(crate) fn time(&self, pilot: &[Duration]) -> Duration {
-        let times = |share: f64, part: &[Duration]| part.iter().sum::<Duration>().mul_f64(share);
-        // The test set is drawn as the first round, without a judge's choices: where that has some, this is too much.
-        let first = &pilot[..self.parts(TEST, 0).len().min(pilot.len())];
-        let hands = self.tried_hands().map_or(1, |hands| hands.len());
-        let tried = EXPERIMENTS.len() + usize::from(self.objects.is_some());
-        times(self.attempts as f64 / PILOT_ATTEMPTS as f64, pilot)
-            + times(
-                TEST_ATTEMPTS as f64 * self.attempts as f64 / (self.first_attempts() * PILOT_ATTEMPTS) as f64,
-                first,
-            )
-            + ROUND * (hands * tried) as u32 * ROUNDS
     }
 
     /// Attempts of the first round, which is the only one if there are weights to begin with.
@@ -470,10 +431,6 @@ mod tests {
         assert!(first.contains("--policy /out/from.safetensors"), "{first}");
         assert!(matches!(&steps[1].action, Action::Fit { from: Some(file), .. } if *file == from));
         assert!(!steps[2].action.command().contains("--policy"), "the test set has no judge's choices");
-        // 15 times a pilot of 20 s, 10 times its first step, and 4 experiments of a minute.
-        let (pilot, steps) = pipeline.pilot(Path::new("/pilot")).unwrap();
-        assert_eq!((steps.len(), pilot.from), (2, Some(from)));
-        assert_eq!(pipeline.time(&[Duration::from_secs(10); 2]).as_secs(), 15 * 20 + 10 * 10 + 4 * 60);
     }
 
     #[test]
@@ -499,11 +456,6 @@ mod tests {
         assert_eq!(pipeline.tried_hands().unwrap().len(), Gripper::BUILT_IN.len());
         assert_eq!(pipeline.steps().unwrap().len(), 6 + 4 * Gripper::BUILT_IN.len());
         assert_eq!(file(&pipeline, "plan-wsg_50.toml")["gripper"].as_str(), Some("wsg_50"));
-        // 15 times a pilot of 40 s, 30 times its first step, and 28 experiments of a minute.
-        let (_, steps) = pipeline.pilot(Path::new("/pilot")).unwrap();
-        let spent = [Duration::from_secs(10); 4];
-        assert_eq!(steps.len(), spent.len());
-        assert_eq!(pipeline.time(&spent).as_secs(), 15 * 40 + 30 * 10 + 28 * 60);
     }
 
     #[test]
