@@ -4,9 +4,6 @@
 #
 #   lab/experiments.sh OUT [NAME…]      all of them, or those whose name begins with one of these
 #
-# VOXEL=FILE adds rows of a network that was trained by configs/train/voxel.toml, which is not shipped
-# (docs/results/paper-network.md).
-#
 # Finished experiments are not repeated, and interrupted ones continue. `graspmill experiment compare` makes the tables.
 set -euo pipefail
 
@@ -29,14 +26,16 @@ run() {
     "$experiments" run "$here/configs/experiment/$config.toml" --out "$out/$name" --set "protocol=$protocol" "$@" > /dev/null
 }
 
-# VGN's network with its own threshold, 0.9, and with 0.5; the paper's with its own, 0.9, and Eq. 8.
+# VGN's network with its own threshold, 0.9, and with 0.5; the paper's with its own, 0.9, and Eq. 8; its layers with
+# the head by closing.
 vgn=(--set plan=vgn)
 half=(--set plan.detection.quality_min=0.5)
-paper=(--set plan=paper)
+closings=(--set plan=paper)
+paper=("${closings[@]}" --set "model=$here/models/paper-200k.safetensors")
 eq8=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.9)
-# Beyond the paper: closing directions as seen between the fingers, on a cloud of finer voxels.
-seen=(--set plan=paper --set plan.detection.closing=seen --set plan.cloud.resolution=120 --set plan.collision.points_max=0)
-voxel=("${seen[@]}" --set "model=${VOXEL:-}")
+lower=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.7)
+surest=(--set plan.ranking.policy=vgn-best --set plan.detection.quality_min=0.7)
+seen=("${lower[@]}" --set plan.detection.closing=seen)
 scaled=(--set plan.cloud.scale_to_table=true)
 # The judge's objects on the experiments' table: the scenes' grid must have the planner's voxels.
 mkdir -p "$out"
@@ -51,13 +50,11 @@ one=(--set 'seeds=[1002]')
 for kind in pile packed; do
     run "$kind-judge" "$kind" "$kind: the judge" "${held[@]}"
     run "$kind-judge-eq8" "$kind" "$kind: the judge, 0.9, Eq. 8" "${held[@]}" "${eq8[@]}"
-    run "$kind-paper" "$kind" "$kind: the paper's network, 0.9, Eq. 8" "${held[@]}" "${paper[@]}"
-    run "$kind-paper-seen" "$kind" "$kind: the paper's network, closing as seen, 0.9, Eq. 8" "${held[@]}" "${seen[@]}"
-    run "$kind-paper-half" "$kind" "$kind: the paper's network, 0.5, Eq. 8" "${held[@]}" "${paper[@]}" "${half[@]}"
-    if [ -n "${VOXEL:-}" ]; then
-        run "$kind-voxel" "$kind" "$kind: the recipe beyond the paper, 0.9, Eq. 8" "${held[@]}" "${voxel[@]}"
-        run "$kind-voxel-half" "$kind" "$kind: the recipe beyond the paper, 0.5, Eq. 8" "${held[@]}" "${voxel[@]}" "${half[@]}"
-    fi
+    run "$kind-paper" "$kind" "$kind: the paper's network, 0.9, Eq. 8" "${held[@]}" "${paper[@]}" "${eq8[@]}"
+    run "$kind-closings" "$kind" "$kind: head by closing, 0.9, Eq. 8" "${held[@]}" "${closings[@]}" "${eq8[@]}"
+    run "$kind-closings-lower" "$kind" "$kind: head by closing, 0.7, Eq. 8" "${held[@]}" "${closings[@]}" "${lower[@]}"
+    run "$kind-closings-surest" "$kind" "$kind: head by closing, 0.7, surest first" "${held[@]}" "${closings[@]}" "${surest[@]}"
+    run "$kind-closings-seen" "$kind" "$kind: head by closing, closing as seen, 0.7, Eq. 8" "${held[@]}" "${closings[@]}" "${seen[@]}"
     run "$kind-vgn" "$kind" "$kind: VGN, 0.9" "${held[@]}" "${vgn[@]}"
     run "$kind-vgn-half" "$kind" "$kind: VGN, 0.5" "${held[@]}" "${vgn[@]}" "${half[@]}"
 done
@@ -68,13 +65,11 @@ run everyday-vgn pile "everyday objects in piles of five: VGN, 0.9" "${held[@]}"
 for table in table1 table2 table3; do
     run "$table-judge" "$table" "$table: the judge, 0.9, Eq. 8" "${eq8[@]}"
     run "$table-judge-best" "$table" "$table: the judge, surest first"
-    run "$table-paper" "$table" "$table: the paper's network, 0.9, Eq. 8" "${paper[@]}"
-    run "$table-paper-seen" "$table" "$table: the paper's network, closing as seen, 0.9, Eq. 8" "${seen[@]}"
-    run "$table-paper-half" "$table" "$table: the paper's network, 0.5, Eq. 8" "${paper[@]}" "${half[@]}"
-    if [ -n "${VOXEL:-}" ]; then
-        run "$table-voxel" "$table" "$table: the recipe beyond the paper, 0.9, Eq. 8" "${voxel[@]}"
-        run "$table-voxel-half" "$table" "$table: the recipe beyond the paper, 0.5, Eq. 8" "${voxel[@]}" "${half[@]}"
-    fi
+    run "$table-paper" "$table" "$table: the paper's network, 0.9, Eq. 8" "${paper[@]}" "${eq8[@]}"
+    run "$table-closings" "$table" "$table: head by closing, 0.9, Eq. 8" "${closings[@]}" "${eq8[@]}"
+    run "$table-closings-lower" "$table" "$table: head by closing, 0.7, Eq. 8" "${closings[@]}" "${lower[@]}"
+    run "$table-closings-surest" "$table" "$table: head by closing, 0.7, surest first" "${closings[@]}" "${surest[@]}"
+    run "$table-closings-seen" "$table" "$table: head by closing, closing as seen, 0.7, Eq. 8" "${closings[@]}" "${seen[@]}"
     run "$table-vgn" "$table" "$table: VGN, 0.9" "${vgn[@]}"
     run "$table-vgn-half" "$table" "$table: VGN, 0.5" "${vgn[@]}" "${half[@]}"
 done

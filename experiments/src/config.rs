@@ -447,7 +447,13 @@ mod tests {
     #[test]
     fn the_digest_is_that_of_what_is_stored() {
         let digest = "080e9395a979a4fd2e0eb6a6ca5fb92cf353daa9936afd348c38c55159474ceb";
-        let before = [("plan", "paper"), ("protocol", "pile, 5 objects, 6 views")];
+        let before = [
+            ("plan", "paper"),
+            ("protocol", "pile, 5 objects, 6 views"),
+            ("plan.detection.gaussian_sigma_voxels", "1.0"),
+            ("plan.cloud.resolution", "40"),
+            ("plan.collision.margin_m", "0.0"),
+        ];
         // Keys that were added since have a default.
         let is_old = |line: &&str| !line.starts_with("frames") && !line.starts_with("table_size_m");
         let text: String = REFERENCE.lines().filter(is_old).map(|line| format!("{line}\n")).collect();

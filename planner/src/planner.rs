@@ -39,7 +39,7 @@ fn weights(named: BuiltIn) -> (Weights, Option<Weights>) {
             Some((include_bytes!("../../models/judge-any-jaw.safetensors"), "models/judge-any-jaw.safetensors")),
         ),
         BuiltIn::Paper => {
-            ((include_bytes!("../../models/paper-200k.safetensors"), "models/paper-200k.safetensors"), None)
+            ((include_bytes!("../../models/paper-closings.safetensors"), "models/paper-closings.safetensors"), None)
         }
         BuiltIn::Vgn => ((include_bytes!("../../models/vgn.safetensors"), "models/vgn.safetensors"), None),
     }

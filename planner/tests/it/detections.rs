@@ -32,7 +32,7 @@ fn hash(values: &[f32]) -> String {
 fn detections_are_those_of_vgns_procedure_in_scipy() {
     let golden: Value =
         serde_json::from_str(&std::fs::read_to_string(folder().join("detections.json")).unwrap()).unwrap();
-    let params = BuiltIn::Paper.config().unwrap().detection;
+    let params = BuiltIn::Vgn.config().unwrap().detection;
     let volumes = golden["volumes"].as_array().unwrap();
     assert!(volumes.len() >= 6);
     for volume in volumes {
