@@ -44,19 +44,24 @@ sed -e '/^\[\[container\]\]/,/^$/d' -e 's/^size_m = 0.48 .*/size_m = 0.30/' -e '
 hard=(--set "scene=$(realpath "$out")/larger.toml")
 everyday=(--set scene=../generate/everyday.toml)
 
+# voxels CONFIG [--set KEY=VALUE …]: the rows of the networks of voxels.
+voxels() {
+    run "$1-paper" "$1" "$1: the paper's network, 0.9, Eq. 8" "${@:2}" "${paper[@]}" "${eq8[@]}"
+    run "$1-closings" "$1" "$1: head by closing, 0.9, Eq. 8" "${@:2}" "${closings[@]}" "${eq8[@]}"
+    run "$1-closings-lower" "$1" "$1: head by closing, 0.7, Eq. 8" "${@:2}" "${closings[@]}" "${lower[@]}"
+    run "$1-closings-surest" "$1" "$1: head by closing, 0.7, surest first" "${@:2}" "${closings[@]}" "${surest[@]}"
+    run "$1-closings-seen" "$1" "$1: head by closing, closing as seen, 0.7, Eq. 8" "${@:2}" "${closings[@]}" "${seen[@]}"
+    run "$1-vgn" "$1" "$1: VGN, 0.9" "${@:2}" "${vgn[@]}"
+    run "$1-vgn-half" "$1" "$1: VGN, 0.5" "${@:2}" "${vgn[@]}" "${half[@]}"
+}
+
 # Rounds of seeds that were not used for tuning.
 held=(--set 'seeds=[1001]')
 one=(--set 'seeds=[1002]')
 for kind in pile packed; do
     run "$kind-judge" "$kind" "$kind: the judge" "${held[@]}"
     run "$kind-judge-eq8" "$kind" "$kind: the judge, 0.9, Eq. 8" "${held[@]}" "${eq8[@]}"
-    run "$kind-paper" "$kind" "$kind: the paper's network, 0.9, Eq. 8" "${held[@]}" "${paper[@]}" "${eq8[@]}"
-    run "$kind-closings" "$kind" "$kind: head by closing, 0.9, Eq. 8" "${held[@]}" "${closings[@]}" "${eq8[@]}"
-    run "$kind-closings-lower" "$kind" "$kind: head by closing, 0.7, Eq. 8" "${held[@]}" "${closings[@]}" "${lower[@]}"
-    run "$kind-closings-surest" "$kind" "$kind: head by closing, 0.7, surest first" "${held[@]}" "${closings[@]}" "${surest[@]}"
-    run "$kind-closings-seen" "$kind" "$kind: head by closing, closing as seen, 0.7, Eq. 8" "${held[@]}" "${closings[@]}" "${seen[@]}"
-    run "$kind-vgn" "$kind" "$kind: VGN, 0.9" "${held[@]}" "${vgn[@]}"
-    run "$kind-vgn-half" "$kind" "$kind: VGN, 0.5" "${held[@]}" "${vgn[@]}" "${half[@]}"
+    voxels "$kind" "${held[@]}"
 done
 run everyday-judge pile "everyday objects in piles of five: the judge" "${held[@]}" "${everyday[@]}"
 run everyday-paper pile "everyday objects in piles of five: the paper's network, 0.9, Eq. 8" "${held[@]}" "${everyday[@]}" "${paper[@]}"
@@ -65,13 +70,7 @@ run everyday-vgn pile "everyday objects in piles of five: VGN, 0.9" "${held[@]}"
 for table in table1 table2 table3; do
     run "$table-judge" "$table" "$table: the judge, 0.9, Eq. 8" "${eq8[@]}"
     run "$table-judge-best" "$table" "$table: the judge, surest first"
-    run "$table-paper" "$table" "$table: the paper's network, 0.9, Eq. 8" "${paper[@]}" "${eq8[@]}"
-    run "$table-closings" "$table" "$table: head by closing, 0.9, Eq. 8" "${closings[@]}" "${eq8[@]}"
-    run "$table-closings-lower" "$table" "$table: head by closing, 0.7, Eq. 8" "${closings[@]}" "${lower[@]}"
-    run "$table-closings-surest" "$table" "$table: head by closing, 0.7, surest first" "${closings[@]}" "${surest[@]}"
-    run "$table-closings-seen" "$table" "$table: head by closing, closing as seen, 0.7, Eq. 8" "${closings[@]}" "${seen[@]}"
-    run "$table-vgn" "$table" "$table: VGN, 0.9" "${vgn[@]}"
-    run "$table-vgn-half" "$table" "$table: VGN, 0.5" "${vgn[@]}" "${half[@]}"
+    voxels "$table"
 done
 
 # Depth does not depend on light, but on the sensor's noise.

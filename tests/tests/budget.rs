@@ -3,7 +3,7 @@
 //! A row may shrink, not grow. A change that must grow one says in its commit what went for it. `cargo test -p
 //! workspace-tests --test budget -- --nocapture` prints the table as it is.
 
-use workspace_tests::{assert_none, files, member_folders};
+use workspace_tests::{SourceFile, assert_none, files, member_folders};
 
 /// Lines of Rust code by folder, without tests, comments and blanks.
 const RUST_MAX: &[(&str, usize)] = &[
@@ -80,14 +80,20 @@ fn beside(counted: &[(String, usize)], allowed: &[(&str, usize)]) -> (Vec<String
     (problems, format!("{rows}    {sum} in all"))
 }
 
+/// The lines of some files, folder by folder.
+fn counted(folders: Vec<String>, sources: &[SourceFile], lines: fn(&str) -> usize) -> Vec<(String, usize)> {
+    let of = |folder: String| {
+        let own = sources.iter().filter(|file| file.path.starts_with(&format!("{folder}/")));
+        let count = own.map(|file| lines(&file.text)).sum();
+        (folder, count)
+    };
+    folders.into_iter().map(of).collect()
+}
+
 #[test]
 fn rust_stays_within_its_budget() {
-    let lines = |folder: &String| {
-        let sources = files(|path| path.starts_with(&format!("{folder}/")) && path.ends_with(".rs") && !is_test(path));
-        sources.iter().map(|file| rust_lines(&file.text)).sum()
-    };
-    let folders = member_folders().into_iter().filter(|folder| folder != "tests");
-    let counted: Vec<(String, usize)> = folders.map(|folder| (folder.clone(), lines(&folder))).collect();
+    let folders = member_folders().into_iter().filter(|folder| folder != "tests").collect();
+    let counted = counted(folders, &files(|path| path.ends_with(".rs") && !is_test(path)), rust_lines);
     let (problems, table) = beside(&counted, RUST_MAX);
     println!("{table}");
     assert_none("budget", &problems);
@@ -95,12 +101,8 @@ fn rust_stays_within_its_budget() {
 
 #[test]
 fn python_stays_within_its_budget() {
-    let folders = ["python/graspmill", "scripts", "lab", "ros2", "tests/python"];
-    let lines = |folder: &str| -> usize {
-        let sources = files(|path| path.starts_with(&format!("{folder}/")) && path.ends_with(".py"));
-        sources.iter().map(|file| python_lines(&file.text)).sum()
-    };
-    let counted: Vec<(String, usize)> = folders.iter().map(|folder| ((*folder).to_owned(), lines(folder))).collect();
+    let folders = ["python/graspmill", "scripts", "lab", "ros2", "tests/python"].map(str::to_owned).to_vec();
+    let counted = counted(folders, &files(|path| path.ends_with(".py")), python_lines);
     let (problems, table) = beside(&counted, PYTHON_MAX);
     println!("{table}");
     assert_none("budget", &problems);
