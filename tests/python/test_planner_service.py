@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from planner_service import DEMO, JSON, PLANNER, ROOT
-from planner_service import check_error, demo_request, file_of, matrix, npy, png, running, seen
+from planner_service import check_error, demo_request, file_of, matrix, npy, png, read_all, running, seen
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +86,7 @@ def test_every_key_of_an_answer_is_described(service):
     assert found["table"]["candidates"] and found["grasps"]
     keys = set(keys_of(explained)) | set(keys_of(found))
     undescribed = sorted(key for key in keys if not re.search(rf"\b{key}\b", page))
-    assert not undescribed
-    assert not re.search(r"\bno_such_key\b", page)
+    assert len(keys) > 40 and not undescribed
 
 
 def on_table(request):
@@ -174,10 +173,11 @@ def test_sigterm_ends_it_with_0_after_the_answer_under_way(tmp_path):
         assert under_way.recv(25).startswith(b"HTTP/1.1 100 Continue")
         with ThreadPoolExecutor(1) as pool:
             ended = pool.submit(service.end)
+            with pytest.raises(ConnectionRefusedError):  # it has begun to stop
+                while True:
+                    socket.create_connection(("127.0.0.1", service.port)).close()
             under_way.sendall(body)
-            answer = b""
-            while piece := under_way.recv(1 << 16):
-                answer += piece
+            answer = read_all(under_way)
             assert ended.result() == 0
         assert answer.lstrip().startswith(b"HTTP/1.1 200 OK"), answer[:300]
         idle.close()

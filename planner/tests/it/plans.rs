@@ -7,7 +7,7 @@ use schema::{Grid, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 
 const GRID: Grid = Grid::PAPER;
 
-/// The paper's settings, without the check of collisions, which leaves no hand of the demo.
+/// The paper's settings, without the check of collisions.
 fn planner() -> Planner {
     let mut config = BuiltIn::Paper.config().unwrap();
     config.collision.check = false;
@@ -29,6 +29,12 @@ fn plan_with(planner: &Planner, observation: &Observation, options: &PlanOptions
     planner.plan(observation, options).unwrap()
 }
 
+/// The paper's own network, whose hand has its origin in the voxel that answers.
+fn plain() -> Planner {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/paper-200k.safetensors");
+    Planner::new(file.as_ref(), planner().config).unwrap()
+}
+
 /// A TSDF of a shape given by its signed distance (metres, positive outside).
 fn field(distance_m: impl Fn(Vec3) -> f32) -> Observation {
     let index = |flat: usize| [flat / 1600, flat / 40 % 40, flat % 40];
@@ -41,7 +47,7 @@ fn field(distance_m: impl Fn(Vec3) -> f32) -> Observation {
 
 #[test]
 fn the_demo_has_ranked_grasps_that_obey_the_rules() {
-    for planner in [planner(), generous()] {
+    for (planner, is_exact) in [(planner(), false), (generous(), false), (plain(), true)] {
         let params = planner.config.detection;
         let plan = plan_with(&planner, &seen(), &PlanOptions::default());
         assert!(!plan.grasps.is_empty() && plan.reason.is_none());
@@ -52,7 +58,8 @@ fn the_demo_has_ranked_grasps_that_obey_the_rules() {
             assert!(ranked.quality >= params.quality_min);
             // The head says where the tips are, about where the voxel has them.
             let off_m = pose * Vec3::new(0.0, 0.0, -0.05) - GRID.centre_m(ranked.voxel.unwrap());
-            assert!(off_m.abs().max_element() < 2.5 * GRID.voxel_size_m(), "{off_m}");
+            let voxels_max = if is_exact { 0.5 } else { 2.5 };
+            assert!(off_m.abs().max_element() < (voxels_max + 1e-3) * GRID.voxel_size_m(), "{off_m}");
             let voxels = ranked.width_m.unwrap() / GRID.voxel_size_m();
             assert!((params.width_voxels_min - 1e-4..=params.width_voxels_max + 1e-4).contains(&voxels));
             // Of the two orientations the one nearer to the default wrist.
