@@ -67,8 +67,7 @@ pub struct Report {
 /// What a stopped run loses, for the next one to make again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stopped {
-    /// Finished scenes of shards that are not complete: of one shard and of the scenes under way, if shards are longer
-    /// than these.
+    /// Finished scenes of shards that are not complete.
     pub finished: u64,
     /// Scenes that were begun and not finished, at most one a thread.
     pub abandoned: u64,
