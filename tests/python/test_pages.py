@@ -21,7 +21,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 # Disables Chromium's own requests, which would be counted.
 QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
 SCREENS = {"desktop": (1280, 900), "phone": (390, 800)}
-PAGES = ["report", "view", "replay", "run", "runs", "experiment", "index", "scene", "scene-replay"]
+PAGES = ["report", "view", "replay", "experiment", "index", "scene", "scene-replay"]
 
 
 def run(*words: object) -> None:
@@ -48,10 +48,6 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     run(program("shards"), "report", data, "--html", made["report"])
     run(program("shards"), "view", data, "--scene", 1, "--out", made["view"])
     run(program("generator"), "replay", data, "--attempt", held(data), "--out", made["replay"])
-    trainer = program("trainer")
-    run(trainer, "fit", "--data", data, "--config", "configs/train/quick.toml", "--epochs", 2, "--run", folder / "run")
-    run(trainer, "report", folder / "run", "--data", data, "--html", made["run"])
-    run(trainer, "report", folder / "run", folder / "run", "--html", made["runs"])
     browsed, shown = folder / "browsed", held(data).split("/")
     run(program("shards"), "browse", data, "--out", browsed, "--scene", shown[0], "--scene", 1, "--scene", 2)
     made["index"], made["scene"] = browsed / "index.html", browsed / f"scene-{shown[0]}.html"
