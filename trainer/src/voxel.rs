@@ -11,6 +11,7 @@ pub mod step;
 
 use std::sync::Arc;
 
+use network::head::Head;
 use network::receptive_field::RESOLUTION;
 use network::{GraspOrigin, VoxelParams};
 use schema::{AttemptRecord, Axis, Grid, ObjectRecord, Pose, ShapeKind, Vec3};
@@ -82,9 +83,13 @@ impl Method for Voxel {
         grid.resolution == RESOLUTION
     }
 
-    /// Those whose grasp is inside the grid: one per attempt by a rule, one per point of VGN's sampler.
+    /// Those whose grasp is inside the grid, one per attempt. The yaws at a point of VGN's sampler are one
+    /// sample, if the head answers with one orientation.
     fn samples(&self, shard: &Shard<'_>, rows: Rows<'_>) -> (Vec<Sample>, u64) {
-        let all = schema::samples_of(rows.attempts);
+        let all = match self.params.head {
+            Head::Quaternion => schema::samples_of(rows.attempts),
+            Head::Closings => rows.attempts.to_vec(),
+        };
         let inside = all.iter().filter_map(|attempt| at_voxel(shard, attempt, rows.objects, self.params.origin));
         let samples: Vec<Sample> = inside.collect();
         let (outside, of_voxels) = ((all.len() - samples.len()) as u64, self.targets == Targets::Voxel);

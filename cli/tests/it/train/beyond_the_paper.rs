@@ -3,12 +3,14 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::fixture::{check_fails, fit, trainer, write_config, write_dataset};
 use super::resume::{check_same_run, metrics};
 use burn_dataset::Dataset as _;
 use network::VoxelParams;
+use network::head::Head;
 use network::upsampling::Upsampling;
 use shards::Dataset;
 use trainer::batch::{Sample, SampleId};
@@ -268,4 +270,27 @@ fn a_network_of_voxels_is_asked_about_voxels_or_about_every_attempt() {
     let [voxels, attempts] = [samples(&["--split", "all"]), samples(&["--split", "all", "--per-attempt"])];
     assert!(voxels < attempts && attempts <= 1600 && attempts > 1500, "{voxels} of {attempts}");
     check_fails(&["evaluate", "--run", run, "--data", fresh, "--per-attempt"], 2, &["--per-attempt needs --split all"]);
+}
+
+/// VGN's six yaws at a point are one sample of a network with one orientation a voxel, and six of one that is asked by
+/// closing direction.
+#[test]
+fn each_yaw_is_a_sample_of_a_head_by_closing() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/generate/vgn.toml");
+    let words = ["--attempts", "120", "--shards", "1"];
+    let made = Command::new(env!("CARGO_BIN_EXE_generator"))
+        .args(["--config", config.to_str().unwrap(), "--out", data.to_str().unwrap()])
+        .args(words)
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let datasets = [Dataset::open(&data).unwrap()];
+    let [points, yaws] = [Head::Quaternion, Head::Closings].map(|head| {
+        let params = VoxelParams { head, ..VoxelParams::at_tips(Upsampling::Linear) };
+        let method = Voxel::new(params, Targets::Attempt, Device::Host);
+        GraspDataset::survey(&datasets, method, &AtomicBool::new(false), &|| {}).unwrap().ids().count()
+    });
+    assert!(points > 0 && yaws == 6 * points, "{points} points, {yaws} yaws");
 }
