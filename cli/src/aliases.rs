@@ -20,7 +20,6 @@ const ALIASES: [Alias; 5] = [
             ("finalize", &["dataset", "finalize"]),
             ("gc", &["dataset", "gc"]),
             ("import-objects", &["objects", "import"]),
-            ("make-objects", &["objects", "make"]),
             ("manual", &["manual"]),
             ("missing", &["dataset", "missing"]),
             ("repeat", &["dataset", "repeat"]),

@@ -2,24 +2,21 @@
 
 mod annotate;
 mod import;
-mod make;
 
 use clap::Subcommand;
 use program::{ExitCode, Failure};
 
-/// Make catalogues of objects, of meshes or drawn by seed, and label grasps of them
+/// Make catalogues of objects from meshes, and label grasps of them
 #[derive(Debug, Subcommand)]
 #[command(after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
 pub(crate) enum Command {
     Annotate(Box<annotate::Arguments>),
     Import(import::Arguments),
-    Make(make::Arguments),
 }
 
 const EXAMPLES: &str = "\
 Examples:
   graspmill objects import meshes --scale 0.001 --out my-objects.toml
-  graspmill objects make --count 270 --seed 1 --out household.toml
   graspmill objects annotate mug.obj --gripper franka_hand --grasps 2000 --format isaac_grasp --out grasps";
 
 impl Command {
@@ -27,7 +24,6 @@ impl Command {
         match self {
             Self::Annotate(arguments) => annotate::run(arguments),
             Self::Import(arguments) => import::run(arguments),
-            Self::Make(arguments) => make::run(arguments),
         }
     }
 }

@@ -17,7 +17,7 @@ use settings::{Document, Reader, settings, words};
 use shards::DatasetInfo;
 use toml::Table;
 
-use crate::catalogue::{Catalogue, CatalogueObject};
+use crate::catalogue::{Catalogue, CatalogueObject, is_built_in};
 use crate::files::sha256;
 
 /// The experiment that explains the keys: one of the files that come along.
@@ -167,7 +167,7 @@ settings! {
         pub count: usize where 1..=60,
         /// Free extents of those of a pile, in place of the scene's.
         pub size_m: Option<[f32; 2]> where 0.002..=0.15; or None,
-        /// `everyday`, or the path of a catalogue.
+        /// `everyday`, `household-train`, `household-held-out`, or the path of a catalogue.
         pub catalogue: String,
         /// The catalogue's objects or sets, round after round the next.
         pub names: Vec<String>,
@@ -288,7 +288,7 @@ impl Config {
         let plan: planner::Config = plan.read()?;
         // Who plans executes.
         scene.gripper = plan.gripper.clone().into();
-        let objects = objects(&keys, &scene, &plan, file(&keys.objects.catalogue, "everyday").as_deref());
+        let objects = objects(&keys, &scene, &plan, document.folder());
         let objects = objects.map_err(|problem| document.invalid(vec![problem]))?;
         Ok(Self {
             digest: digest(&without_paths(document.table()), &scene, &plan, &objects),
@@ -337,12 +337,7 @@ impl Config {
 }
 
 /// What lies on the tables, whose voxels must be the planner's.
-fn objects(
-    keys: &Keys,
-    scene: &generator::Config,
-    plan: &planner::Config,
-    catalogue: Option<&Path>,
-) -> Result<Objects, String> {
+fn objects(keys: &Keys, scene: &generator::Config, plan: &planner::Config, folder: &Path) -> Result<Objects, String> {
     let (grid, expected) = (scene.grid, Grid::PAPER);
     if grid != (Grid { table_z_m: grid.table_z_m, ..expected.over(grid.size_m) }) {
         let (n, side_m) = (expected.resolution, expected.size_m);
@@ -356,9 +351,9 @@ fn objects(
         Kind::Pile => Objects::Pile { count: keys.count },
         Kind::Packed => Objects::Packed { count: keys.count, params: scene.packed.unwrap_or(PackedParams::HOUSEHOLD) },
         Kind::Things => {
-            let catalogue = Catalogue::read(catalogue).map_err(|e| format!("objects.catalogue: {e}"))?;
+            let catalogue = Catalogue::named(&keys.catalogue, folder).map_err(|e| format!("objects.catalogue: {e}"))?;
             let group = |name: &String| {
-                let things = catalogue.named(name).ok_or_else(|| {
+                let things = catalogue.find(name).ok_or_else(|| {
                     format!("objects.names must be among {}, got {}", catalogue.names().join(", "), name.escape_debug())
                 })?;
                 Ok((name.clone(), things.into_iter().cloned().collect()))
@@ -370,9 +365,9 @@ fn objects(
 
 /// An experiment's keys without the paths of files.
 fn without_paths(keys: &Table) -> Table {
-    let named = ["judge", "paper", "vgn", "built-in", "everyday"]; // what comes with the program
+    let named = |word: &str| ["judge", "paper", "vgn", "built-in"].contains(&word) || is_built_in(word);
     let is_file = |key: &str, value: &toml::Value| {
-        ["plan", "scene", "model", "catalogue"].contains(&key) && value.as_str().is_some_and(|it| !named.contains(&it))
+        ["plan", "scene", "model", "catalogue"].contains(&key) && value.as_str().is_some_and(|it| !named(it))
     };
     let mut keys = keys.clone();
     keys.retain(|key, value| !is_file(key, value));

@@ -11,8 +11,33 @@ use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
 use serde::Deserialize;
 use simulator::{Body, Compound, Part, PartShape, convex_hull};
 
-/// The built-in catalogue.
-const EVERYDAY: &str = include_str!("../../configs/objects/everyday.toml");
+/// The built-in catalogues, as they lie in `configs/objects`: as text, or compressed by zstd.
+const BUILT_IN: [(&str, &[u8]); 3] = [
+    ("everyday", include_bytes!("../../configs/objects/everyday.toml")),
+    ("household-train", include_bytes!("../../configs/objects/household-train.toml.zst")),
+    ("household-held-out", include_bytes!("../../configs/objects/household-held-out.toml.zst")),
+];
+/// Of every file that zstd compressed.
+const ZSTD_START: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+
+/// Whether a catalogue of this name comes with the program.
+#[must_use]
+pub fn is_built_in(name: &str) -> bool {
+    BUILT_IN.iter().any(|(own, _)| *own == name)
+}
+
+/// The text of a built-in catalogue; `None` if there is none of that name.
+#[must_use]
+pub fn built_in(name: &str) -> Option<String> {
+    let (_, bytes) = BUILT_IN.into_iter().find(|(own, _)| *own == name)?;
+    let text = if bytes.starts_with(ZSTD_START) { zstd::decode_all(bytes).ok()? } else { bytes.to_vec() };
+    String::from_utf8(text).ok()
+}
+
+/// The names of the built-in catalogues, as text.
+pub(crate) fn built_in_names() -> String {
+    BUILT_IN.map(|(name, _)| format!("`{name}`")).join(", ")
+}
 
 /// Smallest and largest mass.
 pub(crate) const MASS_KG: [f32; 2] = [1e-3, 100.0];
@@ -77,12 +102,19 @@ struct RawSet {
 }
 
 impl Catalogue {
-    /// Reads a file; `None` is the built-in catalogue.
+    /// A built-in catalogue, or else a file by its path relative to `folder`.
     ///
     /// # Errors
     /// A message with everything that is wrong.
-    pub fn read(path: Option<&Path>) -> Result<Self, String> {
-        let Some(path) = path else { return Self::parse(EVERYDAY, Path::new("configs/objects/everyday.toml")) };
+    pub fn named(name: &str, folder: &Path) -> Result<Self, String> {
+        built_in(name).map_or_else(|| Self::read(&folder.join(name)), |text| Self::parse(&text, Path::new(name)))
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// A message with everything that is wrong.
+    pub fn read(path: &Path) -> Result<Self, String> {
         let unread = |error| format!("failed to read the objects: {error}: {}", path.display());
         Self::parse(&settings::read_text(path).map_err(unread)?, path)
     }
@@ -129,7 +161,7 @@ impl Catalogue {
 
     /// The objects of a set, or the object of that name; `None` if there is neither.
     #[must_use]
-    pub fn named(&self, name: &str) -> Option<Vec<&CatalogueObject>> {
+    pub fn find(&self, name: &str) -> Option<Vec<&CatalogueObject>> {
         let set = self.sets.iter().find(|(set, _)| set == name);
         let of_set = set.map(|(_, numbers)| numbers.iter().map(|number| &self.things[*number]).collect());
         of_set.or_else(|| self.things.iter().find(|thing| thing.body.name() == name).map(|thing| vec![thing]))
@@ -199,7 +231,8 @@ pub(crate) fn ellipsoid(size_m: Vec3) -> Vec<Vec3> {
 }
 
 /// An object of hulls as an entry of a catalogue; corners in metres have at most so many decimals.
-pub(crate) fn object_text<'a>(
+#[must_use]
+pub fn object_text<'a>(
     name: &str,
     mass_kg: f64,
     friction: f32,
@@ -236,6 +269,8 @@ fn decimal(metres: f32, decimals: usize) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
 
     const ONE: &str = r#"
@@ -267,13 +302,13 @@ mod tests {
     #[test]
     fn parts_are_placed_as_the_file_says() {
         let catalogue = Catalogue::parse(ONE, Path::new("objects.toml")).unwrap();
-        let body = &catalogue.named("mallet").unwrap()[0].body;
+        let body = &catalogue.find("mallet").unwrap()[0].body;
         // A quarter turn about z: the head is 80 mm long along y.
         assert!((body.extents_m() - Vec3::new(0.03, 0.08, 0.14)).length() < 1e-6, "{}", body.extents_m());
         let head = Vec3::new(0.0, 0.039, 0.05);
         assert!(body.distance_outside_m(head) < 0.0 && body.distance_outside_m(-head) > 0.0);
-        assert_eq!(catalogue.named("two").unwrap().len(), 2);
-        assert!(catalogue.named("three").is_none());
+        assert_eq!(catalogue.find("two").unwrap().len(), 2);
+        assert!(catalogue.find("three").is_none());
     }
 
     #[test]
@@ -289,13 +324,31 @@ mod tests {
 
     #[test]
     fn the_shipped_objects_are_the_papers_eleven_and_a_cylinder() {
-        let catalogue = Catalogue::read(None).unwrap();
+        let catalogue = Catalogue::named("everyday", Path::new("")).unwrap();
         assert_eq!(catalogue.things.len(), 12);
         assert_eq!(catalogue.sets.iter().map(|(_, objects)| objects.len()).collect::<Vec<_>>(), [3, 5, 5, 5]);
         for thing in &catalogue.things {
             let (extents_m, density) = (thing.body.extents_m(), thing.mass_kg / thing.body.volume_m3());
             assert!(extents_m.max_element() < 0.2 && extents_m.min_element() > 0.01, "{}", thing.body.name());
             assert!((50.0..2_000.0).contains(&density), "{}: {density} kg/m3", thing.body.name());
+        }
+    }
+
+    #[test]
+    fn the_household_objects_are_sound_and_of_a_size_for_hands() {
+        let [train, held_out] =
+            ["household-train", "household-held-out"].map(|name| Catalogue::named(name, Path::new("")).unwrap().things);
+        let kind = |thing: &CatalogueObject| thing.body.name().rsplit_once('_').unwrap().0.to_owned();
+        let kinds = |things: &[CatalogueObject]| things.iter().map(kind).collect::<BTreeSet<_>>();
+        assert_eq!((train.len(), held_out.len()), (920, 920));
+        assert_eq!((kinds(&train).len(), kinds(&held_out).len()), (46, 23));
+        assert!(kinds(&train).is_disjoint(&kinds(&held_out)));
+        for thing in train.iter().chain(&held_out) {
+            let (name, sides_m, parts) = (thing.body.name(), thing.body.extents_m(), thing.body.polyhedra().len());
+            assert!((0.03..0.25).contains(&sides_m.max_element()), "{name}: {sides_m}");
+            // What is wider has a wall that fingers reach around.
+            assert!(sides_m.min_element() < 0.08 || parts > 10, "{name}: {sides_m}");
+            assert!((0.004..1.0).contains(&thing.mass_kg), "{name}: {} kg", thing.mass_kg);
         }
     }
 

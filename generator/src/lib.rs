@@ -16,7 +16,6 @@ mod dataset_info;
 mod depth_images;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;
-mod household;
 mod import;
 mod measured;
 mod mesh;
@@ -41,7 +40,6 @@ pub use config::{Config, ObjectParams, Overrides, PackedParams, RuleClosing, Sam
 pub use containers::{ContainerParams, container_faults, draw_container, room_m};
 pub use dataset_info::{bodies_of, physics_of};
 pub use depth_images::write_depth_images;
-pub use household::{HouseholdParams, Kind, Split, household};
 pub use import::{
     FileState, ImportParams, Imported, ImportedObject, LeftOut, Source, TestDrops, import_objects, sources,
 };

@@ -5,11 +5,10 @@ use std::sync::Arc;
 
 use schema::{MODELS_MAX, Model, ObjectShape};
 use serde::{Serialize, Serializer};
-use settings::{Reader, Row, Setting, Value};
+use settings::{Reader, Setting, Value};
 use simulator::{Body, bodies_of};
 
-use crate::catalogue::Catalogue;
-use crate::household::{HouseholdParams, household};
+use crate::catalogue::{Catalogue, built_in_names};
 
 /// A catalogue's objects. If there are none, objects are primitives.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -21,8 +20,7 @@ pub struct Models {
 impl Models {
     /// All objects of a catalogue, or what is wrong with the file or with its objects, one message each.
     fn read_catalogue(name: &str, folder: &Path) -> Result<Self, Vec<String>> {
-        let path = (name != EVERYDAY).then(|| folder.join(name));
-        let models = Self::of(&Catalogue::read(path.as_deref()).map_err(|e| vec![e])?)?;
+        let models = Self::of(&Catalogue::named(name, folder).map_err(|e| vec![e])?)?;
         if models.stored.len() > MODELS_MAX {
             let got = models.stored.len();
             return Err(vec![format!("objects.catalogue must have at most {MODELS_MAX} objects, got {got}")]);
@@ -31,12 +29,6 @@ impl Models {
             return Err(vec![format!("objects.catalogue must have at least one object: {name}")]);
         }
         Ok(models)
-    }
-
-    /// Household objects: those that the catalogue of `graspmill objects make` has.
-    fn draw_household(params: &HouseholdParams) -> Result<Self, Vec<String>> {
-        let text = household(params).map_err(|e| vec![e])?;
-        Self::of(&Catalogue::parse(&text, Path::new("drawn by objects.catalogue")).map_err(|e| vec![e])?)
     }
 
     /// A catalogue's objects as a dataset stores them.
@@ -94,20 +86,16 @@ impl Models {
     }
 }
 
-/// A setting that is read by the catalogue's name or drawn as its table says; without any, objects are primitives.
+/// A setting that is read by the catalogue's name; without one, objects are primitives.
 impl Setting for Models {
     type Limits = ();
 
     fn kind((): &()) -> String {
-        format!("`{EVERYDAY}`, the path of a catalogue, or a table of household objects, or left out")
+        format!("{}, the path of a catalogue, or left out", built_in_names())
     }
 
     fn read(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
-        let read = if value.is_table() {
-            Self::draw_household(&HouseholdParams::read(value, &(), reader)?)
-        } else {
-            Self::read_catalogue(&String::read(value, &(), reader)?, reader.folder())
-        };
+        let read = Self::read_catalogue(&String::read(value, &(), reader)?, reader.folder());
         read.map_err(|problems| problems.into_iter().for_each(|problem| reader.report(problem))).ok()
     }
 
@@ -115,11 +103,6 @@ impl Setting for Models {
 
     fn written(&self) -> Option<String> {
         self.stored.is_empty().then(|| "left out".to_owned())
-    }
-
-    fn add_rows(prefix: &str, _: Option<&Self>, rows: &mut Vec<Row>) -> bool {
-        HouseholdParams::add_rows(prefix, None, rows);
-        false
     }
 }
 
@@ -129,6 +112,3 @@ impl Serialize for Models {
         serializer.collect_seq(self.stored.iter().map(|model| &model.name))
     }
 }
-
-/// The name of the built-in catalogue.
-const EVERYDAY: &str = "everyday";

@@ -250,12 +250,11 @@ mod tests {
     fn objects_of_a_catalogue_stand_with_z_up_if_they_have_the_sizes() {
         let judge =
             Document::parse(include_str!("../../configs/generate/judge.toml"), Path::new("judge.toml")).unwrap();
-        let catalogue = toml::from_str::<toml::Table>("split = \"train\"\ncount = 92\nseed = 4").unwrap();
         let read = |low_m: &str| {
             let mut own = judge.clone();
             let objects = own.table_mut()["objects"].as_table_mut().unwrap();
             OF_PRIMITIVES.iter().for_each(|key| drop(objects.remove(*key)));
-            objects.insert("catalogue".to_owned(), catalogue.clone().into());
+            objects.insert("catalogue".to_owned(), "household-train".to_owned().into());
             let set = [("shares.rules", "0.0"), ("shares.proposals", "0.45"), ("packed.height_m", low_m)];
             let set = set.map(|(key, value)| (key.to_owned(), value.to_owned()));
             Config::read(own, Overrides { set: &set, ..Overrides::default() })

@@ -6,7 +6,7 @@
 use std::fmt::Write as _;
 
 use maud::Escaper;
-use schema::{Outcome, Polyhedron, Pose, Vec3, bounds_m};
+use schema::{Outcome, Polyhedron, Pose, Vec3};
 
 use crate::eye::{Eye, Seen};
 
@@ -51,10 +51,6 @@ const TINTS: [[f32; 3]; 5] =
 
 /// From above and the front.
 const TOWARDS_EYE: Vec3 = Vec3::new(0.45, -1.0, 1.15);
-/// A cell of a sheet: columns, side in pixels and in metres.
-const COLUMNS: usize = 9;
-const CELL_PX: f32 = 110.0;
-const CELL_M: f32 = 0.24;
 
 /// The view from above and the front: the table's diagonal fits.
 fn eye(scene: &Scene) -> Eye {
@@ -92,27 +88,6 @@ pub fn svg(scene: &Scene) -> String {
         text += "</title></path>";
     }
     text + "</svg>"
-}
-
-/// Bodies side by side at one scale, each above its name, as an SVG file; the number selects the colour.
-#[must_use]
-pub fn sheet(bodies: &[(&str, Vec<Polyhedron>, usize)]) -> String {
-    let (width, height) = (CELL_PX * COLUMNS as f32, CELL_PX * bodies.len().div_ceil(COLUMNS) as f32);
-    let mut text = format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\">");
-    text += "<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>";
-    for (number, (name, parts, tint)) in bodies.iter().enumerate() {
-        let [left, top] = [number % COLUMNS, number / COLUMNS].map(|cells| CELL_PX * cells as f32);
-        let [low, high] = bounds_m(parts.iter().flat_map(Polyhedron::corners_m));
-        let at_px = [left + 0.5 * CELL_PX, top + 0.45 * CELL_PX];
-        let eye = Eye::parallel(TOWARDS_EYE, 0.5 * (low + high), CELL_PX / CELL_M, at_px);
-        paint(&mut text, &eye, parts.iter().map(|part| (part, *tint)).collect());
-        let (x, y) = (at_px[0], top + 0.97 * CELL_PX);
-        let _ = write!(
-            text,
-            "<text x=\"{x}\" y=\"{y}\" text-anchor=\"middle\" font-family=\"sans-serif\" font-size=\"11\">{name}</text>"
-        );
-    }
-    text + "</svg>\n"
 }
 
 /// Paints bodies, the farthest first; the number selects the colour.
@@ -198,14 +173,5 @@ mod tests {
             let Seen { x, y, .. } = eye.see(Vec3::new(side(1), side(2), 0.05 + 0.4 * side(4))).unwrap();
             assert!((0.0..=WIDTH_PX).contains(&x) && (0.0..=HEIGHT_PX).contains(&y), "{corner}: {x} {y}");
         }
-    }
-
-    #[test]
-    fn a_sheet_has_its_bodies_side_by_side_above_their_names() {
-        let cells: Vec<_> = (0..=COLUMNS).map(|cell| ("block", vec![block()], cell)).collect();
-        let sheet = sheet(&cells);
-        assert_eq!((sheet.matches("class=\"face\"").count(), sheet.matches(">block</text>").count()), (30, 10));
-        let (width, height) = (CELL_PX * COLUMNS as f32, 2.0 * CELL_PX);
-        assert!(sheet.contains(&format!("viewBox=\"0 0 {width} {height}\"")), "{sheet}");
     }
 }

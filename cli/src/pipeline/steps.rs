@@ -39,8 +39,6 @@ const TRIED: &str = "tried-objects.toml";
 const FIRST_SHARE: f64 = 1.0 / 3.0;
 /// Epochs of the first round; it need not be trained to the end.
 const FIRST_EPOCHS: u32 = 6;
-/// Household objects to learn from: twenty of each kind. Of the kinds that are held out there are as many.
-const HOUSEHOLD_COUNT: i64 = 920;
 /// Epochs of the judge, which learns from all rounds.
 const EPOCHS: u32 = 10;
 /// Attempts of the test set.
@@ -107,14 +105,10 @@ pub(crate) enum Objects {
 impl Objects {
     /// `objects.catalogue` of the generator's settings, to learn from or to be tried with.
     fn catalogue(&self, split: &str) -> Value {
-        match self {
-            Self::File(path) => Value::String(path.display().to_string()),
-            Self::Household => Value::Table(Table::from_iter([
-                ("split".to_owned(), Value::String(split.to_owned())),
-                ("count".to_owned(), Value::Integer(HOUSEHOLD_COUNT)),
-                ("seed".to_owned(), Value::Integer(1)),
-            ])),
-        }
+        Value::String(match self {
+            Self::File(path) => path.display().to_string(),
+            Self::Household => format!("household-{split}"),
+        })
     }
 }
 
@@ -496,9 +490,9 @@ mod tests {
         assert_eq!(kinds(&pipeline.steps().unwrap()).iter().filter(|kind| **kind == "generate").count(), 6);
         let household = Pipeline { objects: Some(Objects::Household), ..pipeline };
         assert!(file(&household, "generate-objects.toml").contains_key("packed"));
-        let split = |name: &str| file(&household, name)["objects"]["catalogue"]["split"].as_str().map(str::to_owned);
-        assert_eq!(split("generate-objects.toml").as_deref(), Some("train"));
-        assert_eq!(split("tried-objects.toml").as_deref(), Some("held-out"));
+        let split = |name: &str| file(&household, name)["objects"]["catalogue"].as_str().map(str::to_owned);
+        assert_eq!(split("generate-objects.toml").as_deref(), Some("household-train"));
+        assert_eq!(split("tried-objects.toml").as_deref(), Some("household-held-out"));
         let steps = household.steps().unwrap();
         assert!(steps.last().unwrap().action.command().ends_with("--set scene=/out/tried-objects.toml"));
         assert_eq!(kinds(&steps).iter().filter(|kind| **kind == "experiment").count(), 5);

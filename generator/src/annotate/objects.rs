@@ -27,7 +27,7 @@ impl Annotated {
         let (catalogues, meshes): (Vec<&PathBuf>, Vec<&PathBuf>) = paths.iter().partition(is_catalogue);
         let (mut objects, mut left_out) = (Vec::new(), Vec::new());
         for path in catalogues {
-            let catalogue = Catalogue::read(Some(path)).map_err(refused)?;
+            let catalogue = Catalogue::read(path).map_err(refused)?;
             objects.extend(catalogue.objects().iter().map(|object| Self {
                 object: object.clone(),
                 file: path.display().to_string(),

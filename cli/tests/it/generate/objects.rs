@@ -516,33 +516,16 @@ fn what_does_not_rest_is_left_out_or_named_and_too_much_of_it_refused() {
 }
 
 #[test]
-fn household_objects_are_the_same_from_a_file_and_from_a_config() {
+fn household_objects_come_by_name() {
     let dir = workshop("");
-    let make = |more: &[&str]| {
-        let fixed = ["make-objects", "--split", "held-out", "--count", "20", "--seed", "7", "--out", "household.toml"];
-        program(&dir, &[&fixed[..], more].concat())
-    };
-    let told = check_ok(&make(&["--picture", "household.svg"]));
-    assert!(told.contains("mug") && told.contains("20 objects written to household.toml"), "{told}");
-    let picture = fs::read_to_string(dir.path().join("household.svg")).unwrap();
-    assert_eq!(picture.matches("<text").count(), 20, "{picture}");
-    let bytes = || fs::read(dir.path().join("household.toml")).unwrap();
-    let first = bytes();
-    check_ok(&make(&[]));
-    assert_eq!(bytes(), first);
-    check_fails(&make(&["--kinds", "mug"]), 78, &["--force replaces it"]);
-    check_fails(&make(&["--kinds", "mug,cup"]), 78, &["--kinds must be of the split held-out, got cup"]);
-    check_fails(&make(&["--kinds", "cat"]), 2, &["must be one of cup"]);
-
     let read = |catalogue: &str| {
         let text = config().replace("catalogue = \"my-objects.toml\"", &format!("catalogue = {catalogue}"));
         Config::read(Document::parse(&text, &dir.path().join("config.toml")).unwrap(), Overrides::default())
     };
-    let file = read("\"household.toml\"").unwrap().objects.catalogue;
-    assert_eq!(read("{ split = \"held-out\", count = 20, seed = 7 }").unwrap().objects.catalogue, file);
-    assert_ne!(read("{ split = \"held-out\", count = 20, seed = 8 }").unwrap().objects.catalogue, file);
-    let faults = read("{ split = \"train\", kinds = [\"mug\"], count = 0, seed = 7 }").unwrap_err().to_string();
-    assert!(faults.contains("objects.catalogue.count must be between 1 and 1000, got 0"), "{faults}");
-    let faults = read("{ split = \"train\", kinds = [\"mug\"], count = 5, seed = 7 }").unwrap_err().to_string();
-    assert!(faults.contains("objects.catalogue: kinds must be of the split train, got mug"), "{faults}");
+    let text = generator::catalogue::built_in("household-held-out").unwrap();
+    fs::write(dir.path().join("copy.toml"), text).unwrap();
+    let named = read("\"household-held-out\"").unwrap().objects.catalogue;
+    assert_eq!((named.bodies().len(), &named), (920, &read("\"copy.toml\"").unwrap().objects.catalogue));
+    let faults = read("\"household\"").unwrap_err().to_string();
+    assert!(faults.contains("failed to read the objects"), "{faults}");
 }

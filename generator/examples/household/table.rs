@@ -15,8 +15,6 @@ words! {
         Train = "train",
         /// Those that are kept for tests: no shipped config draws them.
         HeldOut = "held-out",
-        /// Both.
-        All = "all",
     }
 }
 
@@ -216,7 +214,7 @@ kinds! {
 impl Kind {
     /// Whether it is kept for tests.
     #[must_use]
-    pub fn is_held_out(self) -> bool {
+    pub(crate) fn is_held_out(self) -> bool {
         self.recipe().0 == Split::HeldOut
     }
 }
