@@ -50,8 +50,6 @@ Examples:
   graspmill dataset tsdf grasps --scene 17 --out scene.npy    its voxel grid, for graspmill plan --tsdf
   graspmill dataset depth grasps --scene 7 --out scene-7 && graspmill plan --views scene-7/views.toml
   graspmill dataset verify s3://bucket/grasps   the same in an object store
-  graspmill dataset export grasps --format vgn --out grasps-vgn    what VGN's and GIGA's Python code trains on
-  graspmill dataset export grasps --format mjcf --scenes 0-9 --out scenes    scenes for MuJoCo; also urdf, usda
   graspmill dataset missing grasps              the shards that remain to be made
   graspmill dataset finalize grasps             completes it when all shards exist";
 
@@ -66,7 +64,7 @@ impl Command {
             Self::Repeat(arguments) => repeat::run(arguments),
             Self::Depth(arguments) => depth::run(arguments),
             Self::Tsdf(arguments) => tsdf::run(arguments),
-            Self::Export(arguments) => export::run(arguments),
+            Self::Export(_) => export::run(),
             Self::Missing(arguments) => missing::run(arguments),
             Self::Finalize(arguments) => finalize::run(arguments),
             Self::Gc(arguments) => gc::run(arguments),

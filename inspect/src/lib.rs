@@ -1,5 +1,5 @@
-//! Looking at a dataset: its statistics and a report of them, pages of its scenes, and its content in formats of
-//! others. Only reads what `shards` holds; nothing that writes or trains needs it.
+//! Looking at a dataset: its statistics and a report of them, and pages of its scenes. Only
+//! reads what `shards` holds; nothing that writes or trains needs it.
 //!
 //! ```
 //! let dataset = shards::Dataset::open(std::path::Path::new("../shards/tests/data/format-1"))?;
@@ -10,7 +10,6 @@
 //! ```
 
 mod browse;
-mod export;
 mod grasps;
 mod npy;
 mod page;
@@ -23,9 +22,6 @@ mod tsdf;
 mod view;
 
 pub use browse::browse;
-pub use export::{
-    ExportCounts, ExportFormat, ExportOrigin, Exported, SceneFormat, SceneSelection, export, export_scene,
-};
 pub use grasps::{GivenGrasps, GraspFormat, browse_grasps, grasp_sets, grasps_info, read_grasp_set};
 pub use pictures::{scene_svg, spread};
 pub use statistics::{Bin, Coverage, Fit, Group, Law, OutcomeGroup, Report, TableSize, report};

@@ -7,6 +7,7 @@ import json
 import os
 import warnings
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 
 import numpy as np
@@ -196,8 +197,11 @@ class StoredScene:
         Raises:
             InputError: If there is no such format, or no folder can be made there.
         """
-        where = os.path.abspath(_arrays.path("folder", folder))
-        self._dataset.export_scene(self.scene_id, _arrays.text("format", format), where)
+        from .formats.scenes import export_scene, outside
+
+        where = Path(_arrays.path("folder", folder))
+        with outside(where):
+            export_scene(self._dataset, json.loads(self._dataset.info()), self.scene_id, _arrays.text("format", format), where)
 
     def page(self) -> Page:
         """A page with the scene in 3-D: its surface, its cameras and every attempt."""

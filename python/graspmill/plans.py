@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arrays, _native, _plan_files
 from ._plan_files import PlanFileFormat, PlanFileOptions
 from .errors import InputError
+from .pages import Page
 from .scene import Immutable
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ class Plan(Immutable, Sequence[Grasp]):
     _text: str
     _timings_ms: dict[str, float]
     _cloud: NDArray[np.float32]
-    #: For pictures; a plan that was pickled has none.
+    #: For pages and images; a plan that was pickled has none.
     _drawn: _native.Plan | None = None
 
     @classmethod
@@ -90,7 +91,7 @@ class Plan(Immutable, Sequence[Grasp]):
 
     @classmethod
     def from_json(cls, text: str | bytes) -> Plan:
-        """The plan of a JSON with which the command or the service answered. It has no cloud, no picture and no times.
+        """The plan of a JSON with which the command or the service answered. It has no cloud, no page and no times.
 
         Raises:
             InputError: If the text is not the JSON of a plan.
@@ -203,11 +204,11 @@ class Plan(Immutable, Sequence[Grasp]):
         """The observed surface, ``[N, 3]`` in the workspace, in metres."""
         return self._cloud.copy()
 
-    def picture(self, title: str = "") -> bytes:
-        """A picture of the scene and its grasps, as a PNG. A plan that was pickled cannot be drawn."""
+    def page(self, title: str = "") -> Page:
+        """The scene and its grasps as a page, to be turned about. A plan that was pickled cannot be shown."""
         if self._drawn is None:
-            raise InputError("the plan was pickled or read, and so has no picture: draw it in the process that made it")
-        return self._drawn.picture(_arrays.text("title", title))
+            raise InputError("the plan was pickled or read, and so has no page: make it in the process that made the plan")
+        return Page(self._drawn.page(_arrays.text("title", title)))
 
     def save(
         self, path: str | os.PathLike[str], format: PlanFileFormat | None = None, **options: Unpack[PlanFileOptions]
@@ -241,8 +242,8 @@ class Plan(Immutable, Sequence[Grasp]):
         """
         return _plan_files.moveit_grasps(self, _plan_files.checked(options))
 
-    def _repr_png_(self) -> bytes | None:
-        return None if self._drawn is None else self.picture()
+    def _repr_html_(self) -> str | None:
+        return None if self._drawn is None else self.page()._repr_html_()
 
     def __repr__(self) -> str:
         if not len(self):

@@ -1,12 +1,11 @@
 //! Datasets.
 
-use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
 use std::{mem, process};
 
 use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
-use inspect::{SceneFormat, export_scene, scene_view};
+use inspect::scene_view;
 use network::head::Head;
 use network::upsampling::Upsampling;
 use network::{GraspOrigin, VoxelParams};
@@ -14,7 +13,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict};
-use schema::{AttemptRecord, CameraParams, HitKind, Intrinsics, Pose, SceneRows, SettleParams, samples_of};
+use schema::{AttemptRecord, CameraParams, HitKind, Intrinsics, Polyhedron, Pose, SceneRows, SettleParams, samples_of};
 use shards::{Location, Table};
 use simulator::Body;
 use trainer::config::{SplitBy, SplitConfig, Targets};
@@ -29,6 +28,9 @@ use crate::crops::Crops;
 use crate::fault::{array, free, raised, reserved, wrong};
 use crate::pool::on_threads;
 use crate::scene::{Scene, Simulation, names, place, rows};
+
+/// A convex polyhedron: corners in metres, and the faces' corners by number, counter-clockwise seen from outside.
+type Hull = (Vec<[f32; 3]>, Vec<Vec<usize>>);
 
 /// A complete dataset.
 #[pyclass(frozen, module = "graspmill._native")]
@@ -311,13 +313,19 @@ impl Dataset {
         free(py, || Ok::<_, Failure>(scene_view(self.dataset.info(), self.dataset.id(), &rows).page()))
     }
 
-    /// Writes a scene's files for a simulator into a folder.
-    fn export_scene(&self, py: Python<'_>, scene_id: u64, format: &str, folder: PathBuf) -> PyResult<()> {
-        let names = || SceneFormat::ALL.map(SceneFormat::name).join(", ");
-        let format = SceneFormat::from_name(format)
-            .ok_or_else(|| wrong(format!("format must be one of {}, got {format:?}", names())))?;
+    /// The convex parts of a scene: of each object, in its frame, and of what they lie in, in the workspace.
+    fn hulls(&self, py: Python<'_>, scene_id: u64) -> PyResult<(Vec<Vec<Hull>>, Vec<Hull>)> {
         let rows = self.scene_rows(py, scene_id)?;
-        free(py, || export_scene(self.dataset.info(), self.dataset.id(), &rows, format, &folder))
+        let hull = |part: &Polyhedron| -> Hull {
+            let corners_m = part.corners_m().iter().map(|corner| corner.to_array()).collect();
+            (corners_m, part.faces().iter().map(|face| face.ring.clone()).collect())
+        };
+        let made = || {
+            let objects = rows.objects.iter().map(|row| row.shape.parts().iter().map(hull).collect()).collect();
+            let fixtures = rows.scene.fixtures(&self.dataset.info().grid);
+            Ok::<_, Failure>((objects, fixtures.iter().map(hull).collect()))
+        };
+        free(py, made)
     }
 
     /// An attempt, executed again before the reader's eyes, as a page.

@@ -5,13 +5,7 @@
 
 use glamx::{DMat3, DVec3};
 
-use crate::{Mat3, Polyhedron, Quat, Vec3};
-
-/// Sweeps of Jacobi's method; three or four suffice for a 3 × 3 matrix.
-const SWEEPS_MAX: usize = 32;
-/// What single precision of the corners leaves off the diagonal, as a share of the trace; it would turn a cylinder's
-/// axes by chance.
-const ROUNDING_SHARE: f64 = 1e-7;
+use crate::Polyhedron;
 
 /// The integrals over a body of density 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,18 +57,6 @@ impl MassIntegrals {
         let trace = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z;
         mass_kg * (DMat3::from_diagonal(DVec3::splat(trace)) - spread)
     }
-
-    /// The principal moments about the centre of mass in kg m², for a body of this mass, and the rotation from the
-    /// principal axes to the body's. Of a diagonal inertia the axes are the body's own.
-    #[must_use]
-    pub fn principal(&self, mass_kg: f64) -> ([f64; 3], Quat) {
-        let inertia = self.inertia_kg_m2(mass_kg);
-        let (moments, axes) = diagonal_of([0, 1, 2].map(|i| inertia.row(i).to_array()));
-        let column = |j: usize| Vec3::from_array([0, 1, 2].map(|i| axes[i][j] as f32));
-        let (x, y) = (column(0), column(1));
-        // An axis has no sign: the third one is that which makes the frame right-handed.
-        (moments, Quat::from_mat3(&Mat3::from_cols(x, y, x.cross(y))).normalize())
-    }
 }
 
 impl From<&Polyhedron> for MassIntegrals {
@@ -82,31 +64,6 @@ impl From<&Polyhedron> for MassIntegrals {
         let corner = |number: usize| polyhedron.corners_m()[number].as_dvec3();
         Self::of(polyhedron.triangles().into_iter().map(|triangle| triangle.map(corner)))
     }
-}
-
-/// The eigenvalues of a symmetric matrix, and its eigenvectors as columns, by Jacobi's rotations, which are exact also
-/// where eigenvalues are equal.
-fn diagonal_of(mut matrix: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
-    let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let size: f64 = (0..3).map(|i| matrix[i][i].abs()).sum();
-    for _ in 0..SWEEPS_MAX {
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            if matrix[p][q].abs() <= ROUNDING_SHARE * size {
-                continue;
-            }
-            let ratio = (matrix[q][q] - matrix[p][p]) / (2.0 * matrix[p][q]);
-            let tangent = ratio.signum() / (ratio.abs() + (ratio * ratio + 1.0).sqrt());
-            let cosine = 1.0 / (tangent * tangent + 1.0).sqrt();
-            let turned = |a: f64, b: f64| [cosine * a - cosine * tangent * b, cosine * tangent * a + cosine * b];
-            for row in matrix.iter_mut().chain(&mut axes) {
-                [row[p], row[q]] = turned(row[p], row[q]);
-            }
-            let pairs = [0, 1, 2].map(|k| turned(matrix[p][k], matrix[q][k]));
-            matrix[p] = pairs.map(|[first, _]| first);
-            matrix[q] = pairs.map(|[_, second]| second);
-        }
-    }
-    ([0, 1, 2].map(|i| matrix[i][i]), axes)
 }
 
 fn outer(v: DVec3) -> DMat3 {
@@ -125,7 +82,7 @@ mod tests {
     use glamx::DSymmetricEigen3;
 
     use super::*;
-    use crate::{Pose, Purpose, ShapeKind, Solid, Stream, axis_angle};
+    use crate::{Purpose, Stream, Vec3};
 
     fn of(corners: &[[f64; 3]], triangles: &[[u32; 3]]) -> MassIntegrals {
         MassIntegrals::of(triangles.iter().map(|t| t.map(|corner| DVec3::from_array(corners[corner as usize]))))
@@ -233,20 +190,5 @@ mod tests {
         let (a, b) = (sum.inertia_kg_m2(1.0), whole.inertia_kg_m2(1.0));
         assert!(relative_difference(a, b) < 1e-12);
         assert!(relative_difference(low.inertia_kg_m2(1.0), b) > 0.1);
-    }
-
-    #[test]
-    fn principal_axes_make_the_tensor_again() {
-        let cuboid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.08)).unwrap();
-        let cylinder = Solid::new(ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.09)).unwrap();
-        let turned = Pose::from_parts(Vec3::new(0.02, -0.04, 0.06), axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1));
-        for (solid, pose) in [cuboid, cylinder].iter().flat_map(|solid| [(solid, Pose::IDENTITY), (solid, turned)]) {
-            let integrals = MassIntegrals::from(&Polyhedron::from(solid).moved(&pose));
-            let (moments, axes) = integrals.principal(0.3);
-            let matrix = Mat3::from_quat(axes).as_dmat3();
-            let tensor = matrix * DMat3::from_diagonal(DVec3::from_array(moments)) * matrix.transpose();
-            assert!(relative_difference(tensor, integrals.inertia_kg_m2(0.3)) < 1e-6, "{solid:?} {pose:?}");
-            assert!(pose != Pose::IDENTITY || axes == Quat::IDENTITY, "{solid:?} {axes}");
-        }
     }
 }

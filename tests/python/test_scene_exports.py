@@ -66,6 +66,7 @@ def test_numbers_are_those_that_the_cross_check_reads(stored, exported):
         found = described(folder)
         assert found["dataset_id"] == dataset.id and found["scene_id"] == scene.scene_id
         assert found["table"]["z_m"] == pytest.approx(read.environment.table_z_m)
+        assert found["hand"]["name"] == dataset.info["gripper"]["name"] and len(found["cameras"]) == len(dataset[scene.scene_id].cameras)
         assert len(found["objects"]) == len(scene.objects) and bool(found["container"]) == bool(scene.fixtures)
         for row, thing in zip(found["objects"], scene.objects):
             xx, yy, zz, xy, xz, yz = row["inertia_kg_m2"]
@@ -135,6 +136,7 @@ def test_pybullet_loads_every_body_and_the_scene_rests(exported):
     moved_mm = []
     for folder in exported("urdf"):
         found = described(folder)
+        assert (folder / "container.urdf").is_file() == bool(found["container"])
         pybullet.connect(pybullet.DIRECT)
         try:
             pybullet.setGravity(0, 0, -found["gravity_m_s2"])

@@ -42,12 +42,8 @@ impl TableWriter {
         let name = layout::table_file(table, shard, shard_count);
         let staged = storage.stage(&name)?;
         let trouble = staged.trouble();
-        let parquet = ArrowWriter::try_new(
-            staged,
-            table.arrow_schema(form),
-            Some(properties(table, form, Encoding::BYTE_STREAM_SPLIT)?),
-        )
-        .map_err(|e| broken(table, &trouble, &e))?;
+        let parquet = ArrowWriter::try_new(staged, table.arrow_schema(form), Some(properties(table, form)?))
+            .map_err(|e| broken(table, &trouble, &e))?;
         Ok(Self { table, name, rows: 0, trouble, parquet })
     }
 
@@ -72,7 +68,7 @@ impl TableWriter {
 }
 
 /// `floats` is the encoding of floats, which have no dictionary.
-pub(crate) fn properties(table: Table, form: Form, floats: Encoding) -> Result<WriterProperties, Failure> {
+fn properties(table: Table, form: Form) -> Result<WriterProperties, Failure> {
     let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(|e| unwritten(table, &e))?;
     let mut builder = WriterProperties::builder()
         .set_created_by(format!("graspmill format {}", FormatVersion::CURRENT.number()))
@@ -81,8 +77,9 @@ pub(crate) fn properties(table: Table, form: Form, floats: Encoding) -> Result<W
         .set_compression(Compression::ZSTD(level));
     for column in table.columns(form) {
         for path in float_leaves(column).into_iter().map(ColumnPath::new) {
-            builder =
-                builder.set_column_dictionary_enabled(path.clone(), false).set_column_encoding(path.clone(), floats);
+            builder = builder
+                .set_column_dictionary_enabled(path.clone(), false)
+                .set_column_encoding(path.clone(), Encoding::BYTE_STREAM_SPLIT);
             if column.kind == Kind::Voxels {
                 builder = builder.set_column_statistics_enabled(path, EnabledStatistics::None);
             }

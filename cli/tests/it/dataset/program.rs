@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::{sample, synthetic};
+use crate::sample;
 
 fn shards(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_shards")).args(args).output().unwrap()
@@ -191,23 +191,12 @@ fn every_way_to_fail_has_its_code() {
 }
 
 #[test]
-fn export_says_how_much_and_refuses_what_is_taken() {
-    let (dir, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    sample::write(dir.path(), &synthetic::info(42, 1, 60, 6)); // on VGN's grid
-    let to = out.path().join("vgn");
-    let output = shards(&["export", text(dir.path()), "--format", "vgn", "--out", text(&to)]);
-    assert_eq!(output.status.code(), Some(0));
-    let told = String::from_utf8(output.stdout).unwrap();
-    assert!(told.contains(" grasps (") && told.contains(" in 10 scenes: "), "{told}");
-    assert_eq!(String::from_utf8(output.stderr).unwrap(), "", "no bar without a terminal");
-    let output = shards(&["export", text(dir.path()), "--format", "vgn", "--out", text(dir.path())]);
-    assert_eq!(output.status.code(), Some(78));
-    let output = shards(&["export", text(dataset().path()), "--format", "vgn", "--out", text(&to)]);
-    assert_eq!(output.status.code(), Some(78), "8^3 voxels");
-    let output = shards(&["export", text(dir.path()), "--format", "hdf5", "--out", text(&to)]);
-    assert_eq!(output.status.code(), Some(2));
-    let help = String::from_utf8(shards(&["export", "--help"]).stdout).unwrap();
-    assert!(help.contains("Examples:") && help.contains("GIGA"), "{help}");
+fn export_says_who_does_it() {
+    for words in [&["export", "grasps", "--format", "vgn", "--out", "x"][..], &["export", "--help"]] {
+        let output = shards(words);
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && told.contains("pip install graspmill"), "{told}");
+    }
 }
 
 #[test]

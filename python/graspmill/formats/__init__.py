@@ -1,0 +1,136 @@
+"""Datasets for the programs of others: what VGN's and GIGA's code trains on, Parquet for old readers, scenes for simulators.
+
+A format is a file: of a dataset in ``datasets``, of simulators in ``scenes``; its docstring becomes the export's page. The
+same dataset gives the same bytes. Each file gets its name when it is whole, so an interrupted export continues with the
+missing ones; ``export-begun.json`` identifies it meanwhile. ``export.json``, written last, describes the content.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import inspect
+import json
+import os
+from contextlib import contextmanager
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Callable, Iterator
+
+from .. import _native
+from ..dataset import Dataset
+from ..errors import InputError, OutsideError
+from . import scenes
+from ._files import as_json, outside, part, write
+from .datasets import parquet, vgn
+
+FORMATS: dict[str, Any] = {"vgn": vgn, "parquet": parquet, **scenes.FORMATS}
+#: The files that describe a complete export, identify an incomplete one, and keep others out meanwhile.
+DONE, BEGUN, LOCK = "export.json", "export-begun.json", ".lock"
+SOURCE = "Exported by Graspmill {exporter_version} from dataset `{dataset_id}` (made by {dataset_code_version} from seed {dataset_seed})."
+COUNTS = ("attempts", "grasps", "positives", "left_out", "scenes", "scenes_left_out")
+
+
+def selected(text: str) -> list[range]:
+    """Scenes by their numbers and ranges, such as ``0-9,17``."""
+    ranges = []
+    for some in text.split(","):
+        ends = [end.strip() for end in some.split("-", 1)]
+        wrong = next((end for end in ends if not (end.isascii() and end.isdigit())), None)
+        if wrong is not None:
+            raise InputError(f"must be scenes' numbers and ranges, such as 0-9,17, got `{wrong}`")
+        ranges.append(range(int(ends[0]), int(ends[-1]) + 1))
+        if not ranges[-1]:
+            raise InputError(f"the range `{some}` is empty")
+    return ranges
+
+
+def export(
+    dataset: Dataset, form: str, out: str, chosen: list[range] | None = None, done: Callable[[int], None] = lambda _: None
+) -> dict[str, Any]:
+    """Writes a dataset in another format to an empty or new folder, or continues an interrupted equal export. A complete
+    export is not changed.
+
+    Args:
+        dataset: The dataset.
+        form: One of :data:`FORMATS`.
+        out: The folder.
+        chosen: Which scenes, of formats for simulators; by default all.
+        done: Called with numbers of scenes that are done.
+
+    Returns:
+        The content of ``export.json``.
+
+    Raises:
+        InputError: If the dataset does not fit the format, or the folder holds something else.
+        OutsideError: If another process writes there.
+    """
+    folder, info, is_of_scenes = Path(out), dataset.info, form in scenes.FORMATS
+    last = max((some[-1] for some in chosen or ()), default=-1)
+    if "://" in out:
+        raise InputError(f"the export must go to a folder on a disk, got {out}: export there, then copy the files")
+    if folder.is_file():
+        raise InputError(f"the export must go to a folder, got a file: {out}")
+    if last >= dataset.scene_count:
+        raise InputError(f"scenes must be below the number of scenes, {dataset.scene_count}, got {last}")
+    if chosen and not is_of_scenes:
+        raise InputError(f"scenes may be selected of mjcf, urdf and usda, got {form}")
+    if form == "vgn":
+        vgn.check(info)
+    numbers = sorted({number for some in chosen or [range(dataset.scene_count)] for number in some})
+    origin = {"format": form, "exporter_version": _native.__version__, "dataset_id": dataset.id}
+    origin |= {"dataset_code_version": info["code_version"], "dataset_seed": info["seed"]}
+    if chosen:
+        runs = [[number for _, number in run] for _, run in groupby(enumerate(numbers), lambda entry: entry[1] - entry[0])]
+        origin["scenes"] = ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
+    with outside(folder), _locked(folder):
+        told = _begun(folder, origin)
+        if told is None:
+            if is_of_scenes:
+                counts = scenes.write(dataset._native, info, form, numbers, folder, done)
+            else:
+                counts = FORMATS[form].write(dataset, folder, done)
+            pages = [inspect.getdoc(module) or "" for module in ([FORMATS[form], scenes] if is_of_scenes else [FORMATS[form]])]
+            write(folder / "README.md", "# " + "\n\n".join([*pages, SOURCE.format(**origin)]) + "\n")
+            told = {"origin": origin, "counts": {key: counts.get(key, 0) for key in COUNTS}}
+            write(folder / DONE, as_json(told) + "\n")
+        (folder / BEGUN).unlink(missing_ok=True)
+    return told
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Makes the folder if it is missing, and keeps other exports out of it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / LOCK, "w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise OutsideError(f"another process writes in this folder: {folder}") from error
+        except OSError:
+            pass  # without support for locks, trust the user
+        try:
+            yield
+        finally:
+            (folder / LOCK).unlink(missing_ok=True)
+
+
+def _begun(folder: Path, origin: dict[str, Any]) -> dict[str, Any] | None:
+    """Begins an export in an empty or new folder, or continues this export. Returns it if it is complete."""
+    names = sorted(set(os.listdir(folder)) - {"lost+found", LOCK, part(folder / BEGUN).name})
+    mark = next((name for name in (DONE, BEGUN) if name in names), None)
+    why = f"it holds {json.dumps(names[0], ensure_ascii=False)}, which is no export" if names else ""
+    read: dict[str, Any] = {}
+    if mark:
+        try:
+            read = json.loads((folder / mark).read_bytes())
+            there = read["origin"] if mark == DONE else read
+            some = f"scenes {there['scenes']} of " if "scenes" in there else ""
+            other = f"it holds an export as {there['format']} of {some}dataset {there['dataset_id']} by version {there['exporter_version']}"
+            why = "" if there == origin else other
+        except (ValueError, KeyError, TypeError):
+            why = "what it says about its export is damaged"
+    if why:
+        raise InputError(f"{why}: give an empty or a new folder: {folder}")
+    if not mark:
+        write(folder / BEGUN, as_json(origin) + "\n")
+    return read if mark == DONE else None

@@ -1,0 +1,72 @@
+"""Numbers as text, and files that are whole once they have their name."""
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Iterable, Iterator
+
+import numpy as np
+
+from ..errors import GraspmillError, InputError, OutsideError
+
+
+def number(value: Any) -> str:
+    """The shortest decimal of a number in its own precision, without an exponent: ``0.1`` of ``float32(0.1)``."""
+    return str(value) if isinstance(value, (int, np.integer)) else np.format_float_positional(value, trim="-")
+
+
+def joined(values: Iterable[Any], between: str = " ") -> str:
+    """Numbers with spaces between them."""
+    return between.join(map(number, values))
+
+
+def as_json(value: Any, line: str = "\n") -> str:
+    """Indented JSON, whose numbers of single precision are the shortest that are the same in single precision."""
+    inner = line + "  "
+    if isinstance(value, dict):
+        items = [f"{json.dumps(key)}: {as_json(one, inner)}" for key, one in value.items()]
+    elif isinstance(value, (list, tuple, np.ndarray)):
+        items = [as_json(one, inner) for one in value]
+    elif isinstance(value, (float, np.floating)):
+        least = 1e-6 if isinstance(value, np.float32) else 1e-5
+        if value and abs(float(value)) < least:
+            return np.format_float_scientific(value, trim="-", exp_digits=1)
+        return np.format_float_positional(value, trim="0")
+    else:
+        return json.dumps(value, ensure_ascii=False)
+    opening, closing = "{}" if isinstance(value, dict) else "[]"
+    return opening + inner + f",{inner}".join(items) + line + closing if items else opening + closing
+
+
+def part(path: Path) -> Path:
+    """The name of a file or a folder until it is whole; what was killed begins it anew."""
+    return path.with_name(f"{path.name}.part")
+
+
+def finish(path: Path) -> None:
+    """Gives a file that is whole its name, when it is on the disk."""
+    with open(part(path), "rb+") as file:
+        os.fsync(file.fileno())
+    os.replace(part(path), path)
+
+
+def write(path: Path, content: str | bytes) -> None:
+    """Writes a file, in a folder that is made if it is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part(path).write_bytes(content.encode() if isinstance(content, str) else content)
+    finish(path)
+
+
+@contextmanager
+def outside(path: Path) -> Iterator[None]:
+    """Raises errors of the system as ours: a wrong path, or a disk that fails."""
+    try:
+        yield
+    except GraspmillError:
+        raise
+    except OSError as error:
+        is_wrong = isinstance(error, (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError))
+        raise (InputError if is_wrong else OutsideError)(f"failed to write to {path}: {error}") from error

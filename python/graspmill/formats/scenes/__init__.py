@@ -1,0 +1,59 @@
+"""A scene is a folder, which needs no other file. Objects are at rest, with the convex parts, masses and frictions of the
+simulation that made the labels. ``scene.json`` has poses, masses, frictions, inertias, cameras, the hand and the attempts
+with their outcomes, as plain numbers.
+"""
+
+# A format is a module with ``files``, the texts of a scene's files by their names.
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any, Callable
+
+from ... import _native
+from ...errors import InputError
+from ...scene import OUTCOMES
+from .._files import as_json, outside as outside, part, write as write_file
+from . import mjcf, urdf, usda
+from ._world import World
+
+FORMATS = {"mjcf": mjcf, "urdf": urdf, "usda": usda}
+
+
+def export_scene(dataset: _native.Dataset, info: dict[str, Any], scene_id: int, form: str, folder: Path) -> dict[str, Any]:
+    """Writes a scene's files into a folder, which is made if it does not exist; returns the scene's rows.
+
+    Raises:
+        InputError: If there is no such format, or the folder is a file.
+    """
+    if form not in FORMATS:
+        raise InputError(f"format must be one of {', '.join(FORMATS)}, got {json.dumps(form)}")
+    if folder.is_file():
+        raise InputError(f"the scene must go to a folder, got a file: {folder}")
+    world = World(dataset, info, scene_id)
+    for name, text in {**FORMATS[form].files(world), "scene.json": as_json(world.plain) + "\n"}.items():
+        write_file(folder / name, text)
+    return world.rows
+
+
+def write(
+    dataset: _native.Dataset, info: dict[str, Any], form: str, scenes: list[int], folder: Path, done: Callable[[int], None]
+) -> dict[str, int]:
+    """Writes the scenes that are not there; returns counts."""
+    counts = dict.fromkeys(("attempts", "positives", "scenes"), 0)
+    for scene_id in scenes:
+        path = folder / f"scene-{scene_id:09}"
+        if path.is_dir():
+            rows = dataset.scene(scene_id)[2]
+        else:
+            shutil.rmtree(part(path), ignore_errors=True)
+            rows = export_scene(dataset, info, scene_id, form, part(path))
+            os.rename(part(path), path)
+        counts["attempts"] += len(rows["outcome"])
+        counts["positives"] += int((rows["outcome"] == OUTCOMES.index("held")).sum())
+        counts["scenes"] += 1
+        done(1)
+    return {**counts, "grasps": counts["attempts"]}
