@@ -4,6 +4,7 @@ pub(crate) mod console;
 pub(crate) mod gripper;
 pub(crate) mod plan;
 pub(crate) mod serve;
+pub mod show;
 
 use std::path::PathBuf;
 

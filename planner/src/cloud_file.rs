@@ -1,13 +1,38 @@
 //! The segmented cloud as a PLY file, which point-cloud viewers open.
 //!
-//! A point has its position, its colour in the picture, and `label`: the object's index, −1 for noise, −2 for the
+//! A point has its position, a colour by its segment, and `label`: the object's index, −1 for noise, −2 for the
 //! plane.
 
-use crate::picture::tints;
 use crate::plan::{Plan, PointLabel};
 
 const HEADER: &str = "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n\
                       property uchar blue\nproperty int label\nend_header\n";
+
+const PLANE: [u8; 3] = [226; 3];
+const NOISE: [u8; 3] = [150; 3];
+/// Colours of Okabe and Ito (2008), which the colour-blind distinguish: sky blue, purple, yellow, orange, blue; then
+/// darker versions. No object is green as the best grasp or vermilion as a collision.
+const OBJECTS: [[u8; 3]; 10] = [
+    [86, 180, 233],
+    [204, 121, 167],
+    [240, 228, 66],
+    [230, 159, 0],
+    [0, 114, 178],
+    [56, 118, 153],
+    [134, 79, 110],
+    [158, 150, 43],
+    [151, 104, 0],
+    [0, 75, 117],
+];
+
+/// The colour of a point. After ten objects the colours repeat.
+const fn colour_of(label: PointLabel) -> [u8; 3] {
+    match label {
+        PointLabel::Plane => PLANE,
+        PointLabel::Noise => NOISE,
+        PointLabel::Object(object) => OBJECTS[object % OBJECTS.len()],
+    }
+}
 
 /// The cloud as binary, little-endian PLY; metres, in the workspace.
 #[must_use]
@@ -19,7 +44,7 @@ pub fn write_ply(plan: &Plan) -> Vec<u8> {
         for coordinate in point_m.to_array() {
             bytes.extend(coordinate.to_le_bytes());
         }
-        bytes.extend(tints::of_label(*label));
+        bytes.extend(colour_of(*label));
         let number = match label {
             PointLabel::Plane => -2,
             PointLabel::Noise => -1,
@@ -75,7 +100,7 @@ mod tests {
             for (name, coordinate) in ["x", "y", "z"].into_iter().zip(points[at].to_array()) {
                 assert_eq!(vertex[name], Property::Float(coordinate));
             }
-            for (name, channel) in ["red", "green", "blue"].into_iter().zip(tints::of_label(labels[at])) {
+            for (name, channel) in ["red", "green", "blue"].into_iter().zip(colour_of(labels[at])) {
                 assert_eq!(vertex[name], Property::UChar(channel));
             }
             assert_eq!(vertex["label"], Property::Int(wanted));

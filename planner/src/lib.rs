@@ -7,7 +7,7 @@
 //! voxel ([`mod@voxel`]), or what a judge expects of proposed grasps. The points are segmented into table and
 //! objects ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]). [`hand`] turns the grasp
 //! towards the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`],
-//! which is printed as JSON, [`picture`] draws and [`cloud_file`] writes as PLY.
+//! which is printed as JSON and [`cloud_file`] writes as PLY.
 //!
 //! [`input`] reads files and requests, [`serve`] is the HTTP service.
 //!
@@ -24,7 +24,6 @@ mod kept;
 mod limits;
 mod method;
 mod observation;
-pub mod picture;
 pub mod plan;
 mod planner;
 pub mod rank;

@@ -60,4 +60,4 @@ print(plan, plan.warnings)
 for grasp in plan[:3]:
     print(f"quality {grasp.quality:.3f}, open to {1e3 * grasp.opening_m:.0f} mm, flange in the workspace:")
     print(np.round(grasp.workspace_from_flange, 3))
-Path("plan.png").write_bytes(plan.picture("RealSense"))
+plan.page("RealSense").save("plan.html")

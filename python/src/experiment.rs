@@ -11,9 +11,9 @@ use std::sync::mpsc::{Sender, channel};
 use experiments::config::Config;
 use experiments::finish::finish;
 use experiments::offer::{Look, NoPlan, Offer, Plans};
-use experiments::page::{Played, document};
 use experiments::record::Round;
 use experiments::run::run;
+use graspmill::experiment::page::{Played, document, write_page};
 use numpy::{PyArray2, PyArrayMethods as _};
 use planner::View;
 use program::{ExitCode, Failure, FolderLock};
@@ -277,7 +277,8 @@ fn play(
     if (rounds.len() as u64) < config.round_count() {
         return Err(Failure::new(ExitCode::TryAgain, "the experiment was stopped"));
     }
-    finish(config, command, planner.id(), rounds, out).map(drop)
+    finish(config, command, planner.id(), &rounds, out)?;
+    write_page(out).map(drop)
 }
 
 /// The page of an experiment that is done.

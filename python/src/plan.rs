@@ -4,12 +4,14 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use graspmill::planning::show::{draw_into, page};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
-use planner::input::{ColorImage, check_image};
+use planner::input::check_image;
 use planner::{Ball, Cone, Config, FindTable, Limits, Observation, PlanOptions, Policy, Target, View, WillDo, plane};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use report::still::Image;
 use schema::{Gripper, Pose, Quat, Vec3, VoxelGrid};
 
 use crate::fault::{array, free, raised, room, wrong};
@@ -363,9 +365,10 @@ impl Plan {
         self.plan.timings_ms.clone()
     }
 
-    /// A picture of the scene and its grasps, as a PNG.
-    fn picture<'py>(&self, py: Python<'py>, title: &str) -> PyResult<Bound<'py, PyBytes>> {
-        drawn(py, || planner::picture::draw(&self.plan, &self.gripper, title))
+    /// The scene and its grasps as a page of HTML, to be turned about.
+    fn page(&self, py: Python<'_>, title: &str) -> PyResult<String> {
+        room(PICTURE_BYTES)?;
+        free(py, || Ok::<_, Failure>(page(&self.plan, &self.gripper, title)))
     }
 
     /// The best grasps in an image of the first camera, `[height, width, 3]`, or in its shaded depth, as a PNG.
@@ -375,15 +378,15 @@ impl Plan {
         };
         let given = image.map(|image| {
             let pixels = image.as_array();
-            ColorImage {
+            Image {
                 width_px: pixels.shape()[1],
                 height_px: pixels.shape()[0],
                 pixels: pixels.rows().into_iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect(),
             }
         });
         drawn(py, || {
-            let image = given.unwrap_or_else(|| ColorImage::shaded(depth, &camera.intrinsics));
-            planner::picture::draw_into(&image, &camera.intrinsics, &self.plan, &self.gripper)
+            let image = given.unwrap_or_else(|| Image::shaded(depth, &camera.intrinsics));
+            draw_into(&image, &camera.intrinsics, &self.plan, &self.gripper)
         })
     }
 

@@ -1,4 +1,5 @@
-//! What people look at: documents as pages, Markdown and text; figures, pictures and 3-D views of scenes.
+//! What people look at: documents as pages, Markdown and text; figures, pictures and 3-D views of
+//! scenes, and grasps in images.
 //!
 //! This crate knows what a solid and a hand are (`schema`) and nothing of datasets, networks or physics; who has
 //! numbers gives them to it.
@@ -9,6 +10,5 @@ mod eye;
 pub mod figure;
 pub mod hand;
 pub mod picture;
-pub mod statistics;
 pub mod still;
 pub mod view;

@@ -1,14 +1,11 @@
-//! Still pictures of a [`crate::view`] as PNG: points as a lit surface, or a camera's image, with lines, boxes and
-//! labels.
+//! Grasps drawn into a camera's image, as PNG: with it one sees at once whether a frame is right.
 //!
-//! Drawn in software at twice the size and averaged down. The bytes depend only on the arguments: text uses this
-//! crate's font, and no GPU is involved.
+//! Drawn in software at twice the size and averaged down. The bytes depend only on the arguments.
 
 mod canvas;
+mod hand;
 mod layer;
-mod sheet;
+mod overlay;
+mod relief;
 
-pub use self::canvas::{Canvas, INK};
-pub use self::layer::{Opacity, Rgb, lit, mixed};
-pub use self::sheet::{Sheet, Symbol, Word, png};
-pub use crate::eye::Outlook;
+pub use self::overlay::{Hand, Image, overlay};

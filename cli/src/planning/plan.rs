@@ -8,12 +8,13 @@ use planner::input::{
     BoxInput, ColorImage, ConeInput, InputError, OrientationInput, PlaceInput, PoseInput, PosePartsInput, ReadLens,
     Request, RequestInput, SourceInput, ViewInput, assemble, from_file, read_file, read_intrinsics,
 };
-use planner::picture::{draw, draw_into};
 use planner::plan::Plan;
 use planner::{Observation, Planners, Policy, View, demo};
 use program::{ExitCode, Failure, json, print, print_error, write};
+use report::still::Image;
 use schema::{Grid, Gripper};
 
+use super::show::{draw_into, page};
 use super::{NetworkArguments, console};
 
 /// Plan grasps from depth images, a TSDF or a cloud
@@ -152,9 +153,13 @@ pub(crate) struct Arguments {
     #[arg(long)]
     json: bool,
 
-    /// Draw the scene and its grasps
-    #[arg(long, value_name = "PNG")]
-    picture: Option<PathBuf>,
+    /// Write the scene and its grasps as a page, to be turned about
+    #[arg(long, value_name = "HTML")]
+    html: Option<PathBuf>,
+
+    /// An option of earlier versions, refused with a hint at its replacement
+    #[arg(long, value_name = "PNG", hide = true, value_parser = no_picture)]
+    picture: Option<String>,
 
     /// Draw the best grasps into the first camera's image: into --color, else into its depth, shaded
     #[arg(long, value_name = "PNG")]
@@ -183,8 +188,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let planner = planners.of(config.filter(|_| arguments.network.config.is_none()))?;
     let mut plan = planner.plan(&observation, &options)?;
     plan.warnings.extend(warnings);
-    if let Some(path) = &arguments.picture {
-        write(path, draw(&plan, &planner.config.gripper, &title(arguments))?)?;
+    if let Some(path) = &arguments.html {
+        write(path, page(&plan, &planner.config.gripper, &title(arguments)))?;
     }
     if let Some(path) = &arguments.overlay {
         write(path, overlaid(&plan, &observation, arguments.color.as_deref(), &planner.config.gripper)?)?;
@@ -248,8 +253,12 @@ fn overlaid(
         return Err(InputError::Value("goes with depth images: --overlay".to_owned()).into());
     };
     let image = match color {
-        Some(path) => ColorImage::read(&read_file(path)?).map_err(|error| error.at(&path.display().to_string()))?,
-        None => ColorImage::shaded(image, &camera.intrinsics),
+        Some(path) => {
+            let ColorImage { width_px, height_px, pixels } =
+                ColorImage::read(&read_file(path)?).map_err(|error| error.at(&path.display().to_string()))?;
+            Image { width_px, height_px, pixels }
+        }
+        None => Image::shaded(image, &camera.intrinsics),
     };
     draw_into(&image, &camera.intrinsics, plan, gripper)
 }
@@ -318,6 +327,12 @@ fn no_dataset(dataset: &str) -> Result<String, String> {
     ))
 }
 
+/// A plan is drawn into an image, or shown on a page.
+fn no_picture(_: &str) -> Result<String, String> {
+    Err("there is no PNG of a plan any more: --html FILE writes a page, --overlay FILE draws into the camera's image"
+        .to_owned())
+}
+
 const VIEWS_FILE: &str = "\
 A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x, y, z, w:
   intrinsics = { fx_px = 540.0, fy_px = 540.0, cx_px = 320.0, cy_px = 240.0 }
@@ -335,7 +350,7 @@ workspace_from_wrist, workspace_size_m, avoid_objects, target_m, approach, keep_
 const EXAMPLES: &str = "\
 Examples:
   graspmill plan --depth depth.png --intrinsics camera.json --gripper franka_hand --overlay grasps.png
-  graspmill plan --demo --picture demo.png
+  graspmill plan --demo --html demo.html
   graspmill plan --views views.toml --check-collisions --out plan.json
   graspmill plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain
   graspmill dataset tsdf grasps --scene 7 --out scene.npy && graspmill plan --tsdf scene.npy --config paper

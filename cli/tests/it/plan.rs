@@ -54,8 +54,8 @@ fn changed(folder: &Path, from: &str, to: &str) -> String {
 fn the_demo_is_planned_drawn_and_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let (json, png, ply) = (path("plan.json"), path("scene.png"), path("cloud.ply"));
-    let output = run(&["plan", "--demo", "--out", &json, "--picture", &png, "--ply", &ply]);
+    let (json, html, ply) = (path("plan.json"), path("scene.html"), path("cloud.ply"));
+    let output = run(&["plan", "--demo", "--out", &json, "--html", &html, "--ply", &ply]);
     assert!(output.status.success() && output.stderr.is_empty());
     let summary = String::from_utf8(output.stdout).unwrap();
     assert!(summary.contains("rank  object  quality") && summary.contains("ms: fuse"), "{summary}");
@@ -63,7 +63,7 @@ fn the_demo_is_planned_drawn_and_written() {
     let views = demo_folder().join("views.toml");
     assert_eq!(written, plan(&["--views", views.to_str().unwrap(), "--threads", "1"]));
     assert_eq!(written["grasps"][0]["rank"], 1);
-    assert!(fs::read(png).unwrap().starts_with(b"\x89PNG"));
+    assert!(fs::read_to_string(html).unwrap().contains("grasp 1: quality"));
     assert!(fs::read(ply).unwrap().starts_with(b"ply\nformat binary_little_endian"));
 }
 

@@ -1,6 +1,6 @@
 //! Documents as Markdown and as a terminal's text.
 
-use program::text::{bar, grouped};
+use program::text::{bar, grouped, markdown_table};
 
 use super::{Block, Cell, Document, Picture, Table};
 
@@ -92,18 +92,9 @@ impl Picture {
 impl Table {
     fn markdown(&self) -> String {
         let columns = self.plain_columns();
-        let mark = |column: &usize| if self.is_right(*column) { "---:|" } else { "---|" };
-        let cell = |text: &str| {
-            if text.is_empty() { " |".to_owned() } else { format!(" {} |", one_line(text).replace('|', "\\|")) }
-        };
-        let line = |cells: String| format!("|{cells}\n");
-        let mut text = line(columns.iter().map(|column| cell(&self.head[*column])).collect());
-        text += &line(columns.iter().map(mark).collect());
-        for row in &self.rows {
-            text +=
-                &line(columns.iter().filter_map(|column| row.get(*column)).map(|of| cell(&of.markdown())).collect());
-        }
-        text
+        let head: Vec<_> = columns.iter().map(|at| (self.head[*at].as_str(), self.is_right(*at))).collect();
+        let cells = |row: &Vec<Cell>| columns.iter().filter_map(|at| row.get(*at)).map(Cell::markdown).collect();
+        markdown_table(&head, self.rows.iter().map(cells))
     }
 
     /// Columns as wide as they must be, two blanks between them; a bar stands beside its words.

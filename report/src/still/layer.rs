@@ -10,15 +10,15 @@ use crate::eye::Seen;
 pub(super) const MEAN_OF: usize = 2;
 
 /// Red, green, blue.
-pub type Rgb = [u8; 3];
+pub(super) type Rgb = [u8; 3];
 
 /// Opacity of drawn content where it is in front of the existing picture, and where it is behind.
 #[derive(Debug, Clone, Copy)]
-pub struct Opacity {
+pub(super) struct Opacity {
     /// Opacity in front.
-    pub before: f32,
+    pub(super) before: f32,
     /// Opacity behind.
-    pub behind: f32,
+    pub(super) behind: f32,
 }
 
 /// A picture with a depth at each pixel; infinite where it is empty.
@@ -60,21 +60,14 @@ impl Layer {
         }
     }
 
-    /// The pixels of a disc: column, row, and the remaining share of the squared radius.
-    pub(super) fn pixels(&self, at: Seen, radius_px: f32) -> impl Iterator<Item = (usize, usize, f32)> + use<> {
-        let [columns, rows] = self.within([at.x - radius_px, at.y - radius_px], [at.x + radius_px, at.y + radius_px]);
-        let left = move |x: usize, y: usize| {
-            let (dx, dy) = (x as f32 - at.x, y as f32 - at.y);
-            1.0 - (dx * dx + dy * dy) / (radius_px * radius_px)
-        };
-        let all = rows.flat_map(move |y| columns.clone().map(move |x| (x, y)));
-        all.map(move |(x, y)| (x, y, left(x, y))).filter(|(.., left)| *left >= 0.0)
-    }
-
     /// A disc that faces the viewer.
-    pub(super) fn disc(&mut self, at: Seen, radius_px: f32, colour: Rgb) {
-        for (x, y, _) in self.pixels(at, radius_px) {
-            self.put(x, y, at.depth_m, colour);
+    fn disc(&mut self, at: Seen, radius_px: f32, colour: Rgb) {
+        let [columns, rows] = self.within([at.x - radius_px, at.y - radius_px], [at.x + radius_px, at.y + radius_px]);
+        for (x, y) in rows.flat_map(|y| columns.clone().map(move |x| (x, y))) {
+            let (dx, dy) = (x as f32 - at.x, y as f32 - at.y);
+            if dx * dx + dy * dy <= radius_px * radius_px {
+                self.put(x, y, at.depth_m, colour);
+            }
         }
     }
 
@@ -123,8 +116,7 @@ impl Layer {
 }
 
 /// Between `under` (0) and `over` (1).
-#[must_use]
-pub fn mixed(under: Rgb, over: Rgb, share: f32) -> Rgb {
+pub(super) fn mixed(under: Rgb, over: Rgb, share: f32) -> Rgb {
     std::array::from_fn(|channel| {
         let (from, to) = (f32::from(under[channel]), f32::from(over[channel]));
         (from + (to - from) * share + 0.5) as u8
@@ -151,8 +143,7 @@ pub(super) fn means(large: &[u8], width: usize) -> Vec<u8> {
 }
 
 /// Lighter above 1, darker below; clamped to white.
-#[must_use]
-pub fn lit(colour: Rgb, light: f32) -> Rgb {
+pub(super) fn lit(colour: Rgb, light: f32) -> Rgb {
     colour.map(|value| (f32::from(value) * light + 0.5).min(255.0) as u8)
 }
 

@@ -1,11 +1,10 @@
 //! Depth images as people see shapes: lit, and warmer where near.
 
 use rayon::prelude::*;
-use report::still::{lit, mixed};
 use schema::{DepthImage, Intrinsics, Vec3};
 
-use super::tints::Rgb;
-use crate::input::ColorImage;
+use super::layer::{Rgb, lit, mixed};
+use super::overlay::Image;
 
 /// Where nothing was seen.
 const UNSEEN: Rgb = [26, 28, 34];
@@ -22,7 +21,7 @@ const STEP: f32 = 0.03;
 /// From the scene to the lamp beside the camera, above it and at its left.
 const TOWARDS_LAMP: Vec3 = Vec3::new(-0.45, -0.75, -0.48);
 
-impl ColorImage {
+impl Image {
     /// A depth image through a lens of its size as a lit relief, warm where near and cool where far. What was not seen
     /// is dark.
     #[must_use]
@@ -147,12 +146,12 @@ mod tests {
                 _ => {}
             }
         }
-        let image = ColorImage::shaded(&depth, &LENS);
+        let image = Image::shaded(&depth, &LENS);
         let [near, edge, far, unseen] = [10, 19, 35, 55].map(|u| image.pixels[24 * 64 + u]);
         assert!(near[0] > near[2] && far[0] < far[2], "{near:?} {far:?}");
         assert!(edge[0] < near[0] - 40, "{edge:?} {near:?}");
         assert_eq!(unseen, UNSEEN);
         let nothing = DepthImage { depth_m: vec![0.0; 64 * 48], ..depth };
-        assert!(ColorImage::shaded(&nothing, &LENS).pixels.iter().all(|pixel| *pixel == UNSEEN));
+        assert!(Image::shaded(&nothing, &LENS).pixels.iter().all(|pixel| *pixel == UNSEEN));
     }
 }

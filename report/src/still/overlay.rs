@@ -1,19 +1,30 @@
-//! Grasps drawn into a camera's image: with it one sees at once whether a frame is right.
+//! The image, the hands in it, and the PNG.
 
-use program::Failure;
+use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use report::still::{Canvas, png};
 use schema::{Gripper, Intrinsics, Pose};
 
+use super::canvas::Canvas;
 use super::hand::hand;
-use crate::input::{ColorImage, InputError, refuse};
+use super::layer::Rgb;
 
 /// Images are drawn in bands of about so many pixels, which bounds the memory.
 const BAND_PX: usize = 1 << 18;
-/// The longer side of an image whose lines are as wide as those of a plan's picture.
+/// The longer side of an image whose lines are as wide as [`super::hand`] says.
 const SIDE_PX: f32 = 2000.0;
 /// Largest difference between the ratios of an image's sides and of its lens's, as a share.
 const ASPECT_OFF_MAX: f32 = 0.01;
+
+/// An image of 8-bit colours.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Image {
+    /// Pixels in a row.
+    pub width_px: usize,
+    /// Rows.
+    pub height_px: usize,
+    /// Red, green and blue, row by row.
+    pub pixels: Vec<Rgb>,
+}
 
 /// A hand to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,7 +40,7 @@ pub struct Hand {
 ///
 /// # Errors
 /// If the image's sides have another ratio than the lens's.
-pub fn overlay(image: &ColorImage, lens: &Intrinsics, hands: &[Hand], gripper: &Gripper) -> Result<Vec<u8>, Failure> {
+pub fn overlay(image: &Image, lens: &Intrinsics, hands: &[Hand], gripper: &Gripper) -> Result<Vec<u8>, Failure> {
     let lens = fitted(lens, image)?;
     let pen = image.width_px.max(image.height_px) as f32 / SIDE_PX;
     let rows = (BAND_PX / image.width_px).max(1);
@@ -46,13 +57,16 @@ pub fn overlay(image: &ColorImage, lens: &Intrinsics, hands: &[Hand], gripper: &
 }
 
 /// The lens of the same camera when it delivers an image of this size.
-fn fitted(lens: &Intrinsics, image: &ColorImage) -> Result<Intrinsics, InputError> {
+fn fitted(lens: &Intrinsics, image: &Image) -> Result<Intrinsics, Failure> {
     let (width_px, height_px) = (image.width_px, image.height_px);
     let [across, down] = [width_px as f32 / lens.width_px as f32, height_px as f32 / lens.height_px as f32];
     if (across / down - 1.0).abs() > ASPECT_OFF_MAX {
-        return refuse(format!(
-            "an image of {width_px} x {height_px} pixels does not fit intrinsics for {} x {}",
-            lens.width_px, lens.height_px
+        let [lens_width_px, lens_height_px] = [lens.width_px, lens.height_px];
+        return Err(Failure::new(
+            ExitCode::Config,
+            format!(
+                "an image of {width_px} x {height_px} pixels does not fit intrinsics for {lens_width_px} x {lens_height_px}"
+            ),
         ));
     }
     // Pixels have their centres at whole numbers.
@@ -67,12 +81,24 @@ fn fitted(lens: &Intrinsics, image: &ColorImage) -> Result<Intrinsics, InputErro
     })
 }
 
+/// A PNG of three bytes a pixel.
+fn png(pixels: &[u8], [width, height]: [usize; 2]) -> Result<Vec<u8>, Failure> {
+    let failed = |reason| Failure::new(ExitCode::Internal, format!("failed to write a PNG: {reason}"));
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().map_err(failed)?;
+    writer.write_image_data(pixels).and_then(|()| writer.finish()).map_err(failed)?;
+    Ok(bytes)
+}
+
 #[cfg(test)]
 mod tests {
-    use report::still::{Rgb, lit};
     use schema::{Quat, Vec3, pose_from_parts};
 
-    use super::super::tints::BEST;
+    use super::super::hand::BEST;
+    use super::super::layer::lit;
     use super::*;
 
     const GREY: Rgb = [200; 3];
@@ -84,8 +110,8 @@ mod tests {
         Gripper::from_toml(include_str!("../../../configs/grippers/parallel_jaw_80.toml")).unwrap()
     }
 
-    fn empty(width_px: usize, height_px: usize) -> ColorImage {
-        ColorImage { width_px, height_px, pixels: vec![GREY; width_px * height_px] }
+    fn empty(width_px: usize, height_px: usize) -> Image {
+        Image { width_px, height_px, pixels: vec![GREY; width_px * height_px] }
     }
 
     /// A hand that moves down in the image and closes across it.
@@ -93,8 +119,16 @@ mod tests {
         Hand { camera_from_grasp: pose_from_parts(Quat::from_xyzw(-0.5, -0.5, -0.5, 0.5), at_m), opening_m }
     }
 
-    fn drawn(image: &ColorImage, hands: &[Hand]) -> ColorImage {
-        ColorImage::read(&overlay(image, &LENS, hands, &gripper()).unwrap()).unwrap()
+    fn drawn(image: &Image, hands: &[Hand]) -> Image {
+        decoded(&overlay(image, &LENS, hands, &gripper()).unwrap())
+    }
+
+    fn decoded(bytes: &[u8]) -> Image {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        let [width_px, height_px] = [info.width, info.height].map(|px| px as usize);
+        Image { width_px, height_px, pixels: pixels.as_chunks::<3>().0.to_vec() }
     }
 
     /// Whether it is of the best hand's fingers, whichever way its surface looks.

@@ -1,0 +1,122 @@
+//! A plan to look at: as a page, or drawn into the camera's image.
+
+use planner::plan::{Plan, PointLabel, RankedGrasp, RejectReason};
+use program::{ExitCode, Failure};
+use report::still::{Hand, Image, overlay};
+use report::view::{Body, Class, Line, View, flat_points};
+use schema::{Gripper, Intrinsics, Outcome};
+
+/// Most grasps of a page; more could not be distinguished.
+const SHOWN_MAX: usize = 40;
+/// Most grasps in an image.
+const DRAWN_MAX: usize = 5;
+
+/// The segmented cloud and the ranked grasps, the best with its whole hand, as a page of one file.
+#[must_use]
+pub fn page(plan: &Plan, gripper: &Gripper, title: &str) -> String {
+    let mut view = View::new(title);
+    view.lines.push(Line::workspace(plan.region.corners_m()));
+    let shown = plan.grasps.iter().take(SHOWN_MAX);
+    for RankedGrasp { rank, workspace_from_grasp, opening_m, quality, width_m, object, .. } in shown {
+        let width = width_m.map_or(String::new(), |width_m| format!(", {:.0} mm wide", 1e3 * width_m));
+        let at = object.map_or(String::new(), |object| format!("\nat object {object}"));
+        let label = format!("grasp {rank}: quality {quality:.3}{width}{at}");
+        if *rank == 1 {
+            let [left, right] = gripper.fingers(*opening_m);
+            let part = |part| Body::of_box(Class::Hand, label.clone(), &part, &[*workspace_from_grasp]);
+            view.bodies.extend([left, right, gripper.palm()].map(part));
+        } else {
+            view.lines.push(Line::fork(Class::Hand, label, gripper, workspace_from_grasp, *opening_m));
+        }
+    }
+    for dropped in plan.dropped.iter().filter(|one| matches!(one.reason, RejectReason::Collision { .. })) {
+        let (class, opening_m) = (Class::Grasp(Outcome::ApproachCollision), gripper.opening_m_max);
+        let label = format!("dropped: {}", dropped.detail);
+        view.lines.push(Line::fork(class, label, gripper, &dropped.workspace_from_grasp, opening_m));
+    }
+    view.hidden = vec![Outcome::ApproachCollision.name().to_owned()];
+    for number in 0..plan.objects.len() {
+        let class = if plan.grasps.first().is_some_and(|best| best.object == Some(number)) {
+            Class::Target
+        } else {
+            Class::Object
+        };
+        view.points.push(points(plan, class, &format!("object {number}"), PointLabel::Object(number)));
+    }
+    view.points.push(points(plan, Class::Surface, "table", PointLabel::Plane));
+    view.points.push(points(plan, Class::Surface, "of no object", PointLabel::Noise));
+    view.points.retain(|segment| !segment.points_m.is_empty());
+    view.fact("grasps", plan.grasps.len().to_string());
+    if plan.grasps.len() > SHOWN_MAX {
+        view.fact("shown", format!("the best {SHOWN_MAX}"));
+    }
+    view.fact("objects", plan.objects.len().to_string());
+    view.fact("hand", format!("{}, opens {:.0} mm", gripper.name, 1e3 * gripper.opening_m_max));
+    for reason in plan.reason.iter().chain(&plan.warnings) {
+        view.fact("note", reason.clone());
+    }
+    view.page()
+}
+
+/// The points of a segment, to 0.1 mm.
+fn points(plan: &Plan, class: Class, label: &str, wanted: PointLabel) -> Line {
+    let all = plan.cloud.points_m.iter().zip(&plan.cloud.labels);
+    let own = all.filter(|(point_m, label)| **label == wanted && point_m.is_finite()).map(|(point_m, _)| *point_m);
+    let points_m =
+        flat_points(own).into_iter().map(|point| point.map(|along_m| (along_m * 1e4).round() / 1e4)).collect();
+    Line { class, label: label.to_owned(), points_m, frames: None }
+}
+
+/// Draws the best grasps into an image that the first camera took, as PNG.
+///
+/// # Errors
+/// As [`overlay`], and if the plan knows no camera.
+pub fn draw_into(image: &Image, lens: &Intrinsics, plan: &Plan, gripper: &Gripper) -> Result<Vec<u8>, Failure> {
+    let best = plan.grasps.iter().take(DRAWN_MAX);
+    let hand = |grasp: &RankedGrasp| {
+        grasp.camera_from_grasp.map(|camera_from_grasp| Hand { camera_from_grasp, opening_m: grasp.opening_m })
+    };
+    match best.map(hand).collect::<Option<Vec<Hand>>>() {
+        Some(hands) => overlay(image, lens, &hands, gripper),
+        None => {
+            let refused = "the plan was made without a camera, so there is no image to draw into";
+            Err(Failure::new(ExitCode::Config, refused))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use planner::{Config, PlanOptions, Planner, demo};
+    use report::view::View;
+    use schema::Vec3;
+
+    use super::*;
+
+    /// The view that a page has inside.
+    fn view(page: &str) -> View {
+        let start = page.find("type=\"application/json\">").unwrap() + "type=\"application/json\">".len();
+        serde_json::from_str(page[start..].split("</script>").next().unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_page_has_every_point_of_the_cloud_and_the_grasps_where_the_plan_has_them() {
+        let planner = Planner::built_in(Config::load(None).unwrap()).unwrap();
+        let request = planner::input::assemble(&demo::request().unwrap(), None, planner.grid).unwrap();
+        let mut plan = planner.plan(&request.observation, &PlanOptions::default()).unwrap();
+        let gripper = &planner.config.gripper;
+        let shown = view(&page(&plan, gripper, "demo"));
+        let points: usize = shown.points.iter().map(|segment| segment.points_m.len()).sum();
+        assert_eq!(points, plan.cloud.points_m.len());
+        let best = plan.grasps[0].workspace_from_grasp;
+        let finger = &shown.bodies[0];
+        assert_eq!((shown.bodies.len(), finger.poses.len()), (3, 1));
+        assert!((Vec3::from_slice(&finger.poses[0][..3]) - best.translation).length() < 1e-6);
+        let others = plan.grasps.len().min(SHOWN_MAX) - 1;
+        assert_eq!(shown.lines.iter().filter(|line| line.class == Class::Hand).count(), others);
+        plan.cloud.points_m[0] = Vec3::splat(f32::NAN);
+        plan.grasps.clear();
+        let without = view(&page(&plan, gripper, "<demo>"));
+        assert!(without.bodies.is_empty() && without.title == "<demo>", "{:?}", without.title);
+    }
+}
