@@ -4,7 +4,7 @@
 #
 #   lab/experiments.sh OUT [NAME…]      all of them, or those whose name begins with one of these
 #
-# Finished experiments are not repeated, and interrupted ones continue. `graspmill experiment compare` makes the tables.
+# Finished experiments are not repeated, and interrupted ones continue. `graspmill experiment report` makes the tables.
 set -euo pipefail
 
 out=${1:?where the runs go}

@@ -32,12 +32,12 @@ say "5/6 evaluating the best checkpoint on attempts that it has not seen"
 say "6/6 pages, and a plan by the built-in judge for what a camera would see of scene 7"
 "$bin/shards" browse "$data" --out "$folder/pages"
 "$bin/generator" depth "$data" --scene 7 --views 3 --out "$folder/scene-7"
-"$bin/planner" plan --views "$folder/scene-7/views.toml" --out "$folder/plan.json" --picture "$folder/plan.png"
+"$bin/planner" plan --views "$folder/scene-7/views.toml" --out "$folder/plan.json" --html "$folder/plan.html"
 
 say "done in $((SECONDS - start)) s; open these"
 cat <<END
 scenes, report and replays    $folder/pages/index.html
-a plan from depth images      $folder/plan.png
+a plan from depth images      $folder/plan.html
 the training's curves         $run/accuracy.svg
 the dataset's card            $data/README.md      (DuckDB, polars, pyarrow and datasets open it: docs/reading.md)
 

@@ -23,7 +23,7 @@ MADE = {
     "first_dataset": ([], ""),
     "label_your_grasps": ([], ""),
     "train_in_pytorch": (["first-dataset/grasps"], ""),
-    "plan_from_realsense": ([], "plan"),
+    "plan_from_realsense": ([], "from IPython.display import Image\n\nImage(plan.overlay())"),
     "mujoco_loop": (["1"], ""),
 }
 

@@ -1,7 +1,7 @@
 //! `graspmill experiment`: clears tables in simulation and counts.
 
 mod bench;
-mod compare;
+pub mod page;
 mod report;
 pub(crate) mod run;
 
@@ -14,7 +14,6 @@ use program::{ExitCode, Failure};
 pub(crate) enum Command {
     Run(run::Arguments),
     Bench(bench::Arguments),
-    Compare(compare::Arguments),
     Report(report::Arguments),
 }
 
@@ -23,7 +22,7 @@ Examples:
   graspmill experiment run configs/experiment/pile.toml --out runs/pile
   graspmill experiment run configs/experiment/packed.toml --rounds 20 --out runs/packed
   graspmill experiment run configs/experiment/pile.toml --set views.count=3 --set plan.ranking.policy=vgn-best --set protocol='pile, 3 views' --out runs/three
-  graspmill experiment compare runs/pile runs/three --figure compared.svg
+  graspmill experiment report runs/pile runs/three
   graspmill experiment bench
   graspmill experiment report runs/pile --html pile.html
 
@@ -34,7 +33,6 @@ impl Command {
         match self {
             Self::Run(arguments) => run::run(arguments),
             Self::Bench(arguments) => bench::run(arguments),
-            Self::Compare(arguments) => compare::run(arguments),
             Self::Report(arguments) => report::run(arguments),
         }
     }

@@ -6,14 +6,14 @@
 mod aliases;
 mod manual;
 mod parse;
-mod planning;
+pub mod planning;
 
 #[cfg(feature = "full")]
 mod assignment;
 #[cfg(feature = "full")]
 mod dataset;
 #[cfg(feature = "full")]
-mod experiment;
+pub mod experiment;
 #[cfg(feature = "full")]
 mod generate;
 #[cfg(feature = "full")]
@@ -77,7 +77,7 @@ Examples:
   graspmill dataset verify grasps && graspmill dataset report grasps
   graspmill fit --data grasps --run runs/paper
   graspmill pipeline my_hand.toml --out my-hand
-  graspmill plan --demo --picture demo.png
+  graspmill plan --demo --html demo.html
   graspmill experiment run configs/experiment/pile.toml --out runs/pile
 
 The names of earlier versions work, too: generator for graspmill generate, shards for graspmill dataset, trainer, planner and \

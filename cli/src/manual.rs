@@ -154,14 +154,10 @@ fn settings_page(settings: &[Settings]) -> String {
 /// The tables on disk: the paper's voxels, and all columns.
 #[cfg(feature = "full")]
 fn tables() -> String {
-    use report::document::{Block, Document};
     use shards::{Form, Table};
 
     const FORM: Form = Form { resolution: 40, has_hands: true, has_containers: true, has_repeats: true };
-    let tables = Table::ALL.into_iter();
-    let tables =
-        tables.flat_map(|table| [Block::Heading(table.name().to_owned()), Block::Table(table.described(FORM))]);
-    format!("\n{}", Document { blocks: tables.collect(), ..Document::default() }.markdown())
+    Table::ALL.into_iter().map(|table| format!("\n## {}\n\n{}", table.name(), table.described(FORM))).collect()
 }
 
 #[cfg(not(feature = "full"))]

@@ -5,13 +5,12 @@ use std::path::Path;
 use program::{Failure, json, write};
 
 use crate::config::Config;
-use crate::page::{Played, document, figure};
 use crate::record::Round;
 use crate::report::{About, Report};
 use crate::statistics::{Results, results};
 use crate::tables::{attempts_table, bodies, conditions, objects_table, rounds_table};
 
-/// Writes tables, reports and the figure into the folder. `command` is what the report names as what was asked for,
+/// Writes tables and results into the folder. `command` is what the report names as what was asked for,
 /// `model_id` who planned.
 ///
 /// # Errors
@@ -20,21 +19,17 @@ pub fn finish(
     config: &Config,
     command: String,
     model_id: String,
-    rounds: Vec<Round>,
+    rounds: &[Round],
     folder: &Path,
 ) -> Result<Results, Failure> {
     let versions = [("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into();
     let about = About { command, config: config.text.clone(), model_id, versions };
-    let report = Report { results: results(&config.keys.protocol, &rounds), about };
-    write(&folder.join("rounds.parquet"), rounds_table(&rounds)?)?;
-    write(&folder.join("attempts.parquet"), attempts_table(&rounds)?)?;
-    write(&folder.join("objects.parquet"), objects_table(&rounds)?)?;
+    let report = Report { results: results(&config.keys.protocol, rounds), about };
+    write(&folder.join("rounds.parquet"), rounds_table(rounds)?)?;
+    write(&folder.join("attempts.parquet"), attempts_table(rounds)?)?;
+    write(&folder.join("objects.parquet"), objects_table(rounds)?)?;
     write(&folder.join("bodies.json"), bodies(config))?;
     write(&folder.join("run.json"), conditions(config))?;
     write(&folder.join("report.json"), json(&report)?)?;
-    let results = report.results.clone();
-    let played = [Played::now(folder, report, rounds)];
-    write(&folder.join("report.svg"), figure(&played).svg()?)?;
-    write(&folder.join("report.md"), document(&played).markdown())?;
-    Ok(results)
+    Ok(report.results)
 }

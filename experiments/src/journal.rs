@@ -91,7 +91,7 @@ impl Journal {
 ///
 /// # Errors
 /// If it cannot be read or is not a journal.
-pub(crate) fn journalled(folder: &Path) -> Result<Option<Vec<Round>>, Failure> {
+pub fn journalled(folder: &Path) -> Result<Option<Vec<Round>>, Failure> {
     let path = folder.join(JOURNAL);
     let Some(text) = whole_lines(&path)? else { return Ok(None) };
     rounds_of(&text).map(Some).map_err(|error| unread(&path, &error))

@@ -3,16 +3,15 @@
 //!
 //! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], dropped or
 //! packed), [`offer`] says what a planner is asked, [`served`] is one behind an address, [`round`] runs one round,
-//! [`run`] runs all of them, [`tables`] writes the rows, [`statistics`] computes the rates, [`report`] and [`page`]
-//! present them, and [`finish`] writes all that. [`mod@bench`] times plans.
+//! [`run`] runs all of them into a [`journal`], [`statistics`] computes the rates, and [`finish`] writes [`tables`] and
+//! a [`report`]. [`mod@bench`] times plans.
 
 pub mod bench;
 pub mod config;
 mod files;
 pub mod finish;
-mod journal;
+pub mod journal;
 pub mod offer;
-pub mod page;
 pub mod record;
 pub mod report;
 pub mod round;

@@ -5,8 +5,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use report::statistics::bootstrap_share;
 use schema::Outcome;
+use schema::statistics::bootstrap_share;
 use serde::{Deserialize, Serialize};
 
 use crate::record::{Attempt, Ending, Round};

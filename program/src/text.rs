@@ -36,6 +36,20 @@ pub fn setting(value: &Value) -> String {
     }
 }
 
+/// A table as Markdown; columns of numbers are right-aligned. What is in a cell cannot break it.
+#[must_use]
+pub fn markdown_table(head: &[(&str, bool)], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let cell = |text: &str| match text.replace(char::is_control, " ").replace('|', "\\|") {
+        text if text.is_empty() => " |".to_owned(),
+        text => format!(" {text} |"),
+    };
+    let line = |cells: String| format!("|{cells}\n");
+    let mut text = line(head.iter().map(|(name, _)| cell(name)).collect());
+    text += &line(head.iter().map(|(_, is_number)| if *is_number { "---:|" } else { "---|" }).collect());
+    rows.into_iter().for_each(|row| text += &line(row.iter().map(|text| cell(text)).collect()));
+    text
+}
+
 /// `671.7147` a second as `672/s`, `6.7147` as `6.7/s`.
 #[must_use]
 pub fn per_second(rate: f64) -> String {

@@ -47,6 +47,7 @@ mod record;
 mod rule;
 mod seed;
 mod solid;
+pub mod statistics;
 
 pub use camera::{Camera, DepthImage, Intrinsics, View};
 pub use container::{Container, ContainerError, ContainerKind};

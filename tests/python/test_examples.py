@@ -45,7 +45,7 @@ def test_a_plan_from_a_realsense_frame(tmp_path):
     said = run(tmp_path, "plan_from_realsense.py")
     assert said.count("in the camera's frame") == said.count("flange in the workspace") == 3
     assert said.count("grasps, the best") == 2 and said.count(") []\n") == 2, "a warning"
-    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("overlay.png", "plan.png"))
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("overlay.png", "plan.html"))
 
 
 def test_mujoco_lifts_what_was_planned(tmp_path):

@@ -82,8 +82,8 @@ def test_a_function_is_shown_what_lies_there(tmp_path):
     # A hand that failed is told, for the protocol has it so.
     assert all(len(after.failed) <= 2 for after in looks[1:])
     assert told[-1][:2] == (1, 1) and results.folder == tmp_path / "run"
-    assert {"report.md", "report.json", "report.svg", "rounds.parquet", "attempts.parquet"} <= {f.name for f in results.folder.iterdir()}
-    assert "function-" in (tmp_path / "run" / "report.md").read_text() and "<html" in results.page().html
+    assert {"report.html", "report.json", "rounds.parquet", "attempts.parquet"} <= {f.name for f in results.folder.iterdir()}
+    assert "function-" in (tmp_path / "run" / "report.html").read_text() and "<html" in results.page().html
 
 
 def test_in_the_first_cameras_frame_down_and_points_are_too(tmp_path):
@@ -120,7 +120,7 @@ def test_what_a_function_does_ends_the_round_and_not_the_run(tmp_path, planner, 
     played = rounds_of(tmp_path / "run")
     assert [r["ending"] for r in played] == ["no_answer"] * 2
     assert all(why in r["no_answer"] for r in played), played
-    assert "2 of 2 rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.md").read_text()
+    assert "2 of 2 rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.html").read_text()
 
 
 def test_no_grasps_are_an_answer(tmp_path):

@@ -131,7 +131,7 @@ def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path, answer, wh
     played = rounds_of(tmp_path / "run")
     assert [round["ending"] for round in played] == ["no_answer"] * 2
     assert all(why in round["no_answer"] for round in played), played
-    assert "2 of 2 rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.md").read_text()
+    assert "2 of 2 rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.html").read_text()
 
 
 def test_a_planner_without_grasps_is_no_fault(tmp_path):

@@ -151,8 +151,8 @@ def test_cameras_grasps_and_plans_can_be_sent_to_another_process():
     for same in (again(plan), copy.deepcopy(plan)):
         assert same.to_json() == plan.to_json() and same.timings_ms == plan.timings_ms and repr(same) == repr(plan)
         assert np.array_equal(same.cloud(), plan.cloud()) and content(same[0]) == content(plan[0])
-    assert copy.deepcopy(plan).picture() and again(plan)._repr_png_() is None
-    for draw in (again(plan).picture, again(plan).overlay):
+    assert copy.deepcopy(plan).page() and again(plan)._repr_html_() is None
+    for draw in (again(plan).page, again(plan).overlay):
         with pytest.raises(graspmill.InputError, match="pickled"):
             draw()
     assert again(planner).plan(scene.render(camera), camera).to_json() == plan.to_json() and copy.deepcopy(planner) is planner

@@ -91,7 +91,7 @@ def test_no_call_ends_the_process_where_memory_ends(tmp_path):
             overlay=lambda: plan.overlay(),
             accept=lambda: planner.plan(image, camera, accept=lambda _: True),
             cloud=lambda: planner.plan_cloud(points),
-            picture=lambda: plan.picture(),
+            plan_page=lambda: plan.page(),
             scene=lambda: dataset[0].replay(0),
             page=lambda: dataset[0].page(),
             report=lambda: dataset.report(),
@@ -310,7 +310,7 @@ def test_text_that_cannot_be_written_is_refused(planner, tmp_path):
         lambda: graspmill.execute(scene, [DOWN], settings={bad: 1}),
         lambda: graspmill.execute(scene, [DOWN], settings={"physics.engine": bad}),
         lambda: planner.plan_tsdf(tsdf, policy=bad),
-        lambda: planner.plan_tsdf(tsdf).picture(bad),
+        lambda: planner.plan_tsdf(tsdf).page(bad),
         lambda: graspmill.Page("<p>").save(tmp_path / bad),
         lambda: graspmill.Page(bad).save(tmp_path / "page.html"),
     ):

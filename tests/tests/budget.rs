@@ -8,26 +8,26 @@ use workspace_tests::{SourceFile, assert_none, files, member_folders};
 /// Lines of Rust code by folder, without tests, comments and blanks.
 const RUST_MAX: &[(&str, usize)] = &[
     ("settings", 660),
-    ("schema", 1929),
-    ("program", 478),
-    ("report", 2073),
-    ("shards", 4373),
-    ("inspect", 3202),
+    ("schema", 1956),
+    ("program", 490),
+    ("report", 1947),
+    ("shards", 4368),
+    ("inspect", 1940),
     ("simulator", 4838),
     ("perception", 2786),
     ("grasps", 511),
     ("network", 3001),
-    ("generator", 6350),
-    ("trainer", 3713),
-    ("planner", 6218),
-    ("experiments", 2216),
-    ("cli", 3388),
-    ("python", 1728),
+    ("generator", 5432),
+    ("trainer", 3340),
+    ("planner", 5874),
+    ("experiments", 1606),
+    ("cli", 4147),
+    ("python", 1738),
 ];
 
 /// Lines of Python by folder, without comments and blanks; docstrings count.
 const PYTHON_MAX: &[(&str, usize)] =
-    &[("python/graspmill", 4749), ("scripts", 4248), ("lab", 1452), ("ros2", 567), ("tests/python", 9992)];
+    &[("python/graspmill", 5572), ("scripts", 4248), ("lab", 1452), ("ros2", 567), ("tests/python", 10025)];
 
 /// The lines of a Rust file that count: not blank, not a comment, and not of an item under `#[cfg(test)]`. The
 /// formatter ends an item with a line that is as deep as its first one.

@@ -1,8 +1,6 @@
 //! Evaluates a checkpoint on a dataset: accuracy, precision, recall and confusion, also by shape and by rule;
 //! precision–recall and calibration; errors of the grasps.
 
-pub mod report;
-
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;

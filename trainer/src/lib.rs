@@ -10,8 +10,8 @@
 //!   rest.
 //! - [`mod@fit`] is the training loop, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early
 //!   stopping, [`metrics`] its counts, [`events`] its progress reports, [`run_folder`] its files,
-//!   curves and TensorBoard events its monitoring.
-//! - [`mod@evaluate`] evaluates the result, [`scores`] its predicted qualities, [`evaluate::report`] writes the report.
+//!   TensorBoard events its monitoring.
+//! - [`mod@evaluate`] evaluates the result, [`scores`] its predicted qualities.
 //!
 //! # Determinism
 //!
@@ -23,7 +23,6 @@
 pub mod adam;
 pub mod batch;
 pub mod config;
-mod curves;
 pub mod data;
 pub mod device;
 pub mod evaluate;

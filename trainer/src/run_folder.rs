@@ -5,8 +5,8 @@
 //! last.safetensors     weights, optimiser, progress: what --resume continues from
 //! best.safetensors     weights of the best epoch so far
 //! metrics.jsonl        one line per epoch
-//! loss.svg, .png       the losses by epoch, drawn from metrics.jsonl
-//! accuracy.svg, .png   the accuracies by epoch, drawn from metrics.jsonl
+//! loss.svg             the losses by epoch, drawn by the program from metrics.jsonl
+//! accuracy.svg         the accuracies by epoch, drawn from metrics.jsonl
 //! tensorboard/         the same numbers, and the loss of steps, as TensorBoard's events
 //! ```
 
@@ -32,7 +32,8 @@ pub struct RunFolder {
 }
 
 const CONFIG: &str = "config.toml";
-pub(crate) const METRICS: &str = "metrics.jsonl";
+/// What epochs were like, a line of JSON each.
+pub const METRICS: &str = "metrics.jsonl";
 
 impl RunFolder {
     /// Opens a folder for a run. A new or empty folder begins a run; a folder with a run of this recipe is resumed if
@@ -151,7 +152,7 @@ const TEXT_BYTES_MAX: u64 = 64 << 20;
 ///
 /// # Errors
 /// If it cannot be read.
-pub(crate) fn read_metrics(run: &Path) -> Result<String, Failure> {
+pub fn read_metrics(run: &Path) -> Result<String, Failure> {
     let path = run.join(METRICS);
     if path.exists() { read_text(&path) } else { Ok(String::new()) }
 }

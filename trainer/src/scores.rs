@@ -2,7 +2,7 @@
 //! errors of the grasps, and confidence intervals for samples that are correlated within a scene.
 
 use network::checkpoint::Confusion;
-use report::statistics::{bootstrap, bootstrap_share, quantile};
+use schema::statistics::{bootstrap, bootstrap_share, quantile};
 use serde::Serialize;
 
 use crate::results::SampleResult;

@@ -1,10 +1,8 @@
-//! Monitoring of a run: curves after each epoch, and TensorBoard events. Failures cause warnings, and training
-//! continues.
+//! Monitoring of a run: TensorBoard events. Failures cause warnings, and training continues.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use crate::curves::draw_curves;
 use crate::events::Event;
 use crate::tensorboard::{Events, FOLDER};
 
@@ -32,12 +30,7 @@ impl Watch {
                 *self.events.lock().unwrap_or_else(PoisonError::into_inner) = warned(begun);
             }
             Event::Step { step, loss, .. } => self.keep(|events| events.step(*step, *loss)),
-            Event::Epoch(report) => {
-                self.keep(|events| events.epoch(report));
-                if let Err(error) = draw_curves(&self.run) {
-                    tracing::warn!("the curves are not drawn: {error}");
-                }
-            }
+            Event::Epoch(report) => self.keep(|events| events.epoch(report)),
         }
     }
 

@@ -9,7 +9,6 @@ use clap::Args;
 use experiments::config::Config;
 use experiments::finish::finish;
 use experiments::offer::Plans;
-use experiments::page::in_short;
 use experiments::record::Round;
 use experiments::run::run as run_rounds;
 use experiments::served::{Served, Server};
@@ -17,10 +16,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use program::text::key_and_value;
 use program::{Context, ExitCode, Failure, FolderLock, print, print_error, stop_on_signals};
 
+use super::page::{in_short, write_page};
 use crate::command_line;
 
-/// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json,
-/// report.svg
+/// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.json, report.html
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
@@ -137,10 +136,10 @@ fn execute_with(
     if (rounds.len() as u64) < config.round_count() {
         return Ok(ExitCode::TryAgain);
     }
-    let results = finish(config, command, planner.id(), rounds, out)?;
+    let results = finish(config, command, planner.id(), &rounds, out)?;
     print(format_args!(
-        "{}  failures, scenes and how it was run; also report.json, report.svg and tables as Parquet\n\n{}",
-        out.join("report.md").display(),
+        "{}  failures and how it was run; also report.json and tables as Parquet\n\n{}",
+        write_page(out)?.display(),
         in_short(&results),
     ))?;
     Ok(ExitCode::Ok)

@@ -6,10 +6,10 @@ use clap::Args;
 use program::{ExitCode, Failure, json, print, start_threads};
 use shards::Location;
 use trainer::config::Targets;
-use trainer::evaluate::report::{document, write_report};
 use trainer::evaluate::{TestSet, evaluate};
 use trainer::run_folder::SavedAs;
 
+use super::report::{document, write_report};
 use crate::parse::{LocationParser, one_of};
 
 /// Evaluate a checkpoint on a dataset
@@ -40,7 +40,7 @@ pub(crate) struct Arguments {
     /// Print JSON.
     #[arg(long)]
     json: bool,
-    /// A folder for evaluation.md, evaluation.json, and pictures of precision–recall and calibration (SVG and PNG).
+    /// A folder for evaluation.md, evaluation.json, and pictures of precision–recall and calibration (SVG).
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Threads; all cores by default.

@@ -9,10 +9,12 @@ use program::{Context, ExitCode, Failure, print, start_threads, stop_on_signals}
 use shards::Location;
 use trainer::config::Config;
 use trainer::device::DeviceName;
+use trainer::events::Event;
 use trainer::fit::{Ending, Job, fit};
 use trainer::run_folder::SavedAs;
 
 use super::console::Screen;
+use super::curves::draw_curves;
 use crate::parse::LocationParser;
 
 /// Train a network, or continue training it
@@ -71,7 +73,14 @@ pub(crate) fn config(
 /// Trains, with progress, and prints what came of it.
 pub(crate) fn execute(job: &Job<'_>, stop: &AtomicBool) -> Result<ExitCode, Failure> {
     let screen = Screen::new(job.config);
-    let ending = fit(job, stop, &|event| screen.show(&event))?;
+    let ending = fit(job, stop, &|event| {
+        screen.show(&event);
+        if matches!(event, Event::Epoch(_))
+            && let Err(error) = draw_curves(job.run)
+        {
+            tracing::warn!("the curves are not drawn: {error}");
+        }
+    })?;
     screen.end();
     match ending {
         Ending::Done => {

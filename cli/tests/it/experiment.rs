@@ -44,13 +44,13 @@ fn an_experiment_is_the_same_in_one_go_or_cut_short_and_on_any_number_of_threads
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
             let printed = String::from_utf8(output.stdout).unwrap();
             let lines: Vec<&str> = printed.lines().collect();
-            assert!(lines.len() <= 10 && lines[0].contains("report.md"), "{printed}");
+            assert!(lines.len() <= 10 && lines[0].contains("report.html"), "{printed}");
             assert!(lines[2].contains("5 objects, 6 views") && printed.contains("(GSR)"), "{printed}");
             out
         };
         let whole = at("whole", &["--threads", "1"]);
         assert_eq!(rounds(&whole).len(), 4);
-        for file in ["rounds.parquet", "attempts.parquet", "report.md", "report.json", "report.svg"] {
+        for file in ["rounds.parquet", "attempts.parquet", "report.json", "report.html"] {
             assert!(whole.join(file).metadata().unwrap().len() > 100, "{file}");
         }
         // A run that was killed in the middle of a line.
@@ -172,10 +172,10 @@ fn a_pipe_in_place_of_a_file_is_refused_without_waiting_for_it() {
     for name in [".lock", "journal.jsonl", "run.json"] {
         refused(name, &["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"]);
     }
-    refused("report.json", &["compare", out]);
+    refused("report.json", &["report", out]);
     assert_eq!(told(&run(&["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"])).0, Some(0));
     let html = folder.path().join("page.html");
-    for name in ["report.json", "journal.jsonl", "run.json", "bodies.json"] {
+    for name in ["report.json", "journal.jsonl"] {
         let kept = fs::read(folder.path().join(name)).unwrap();
         fs::remove_file(folder.path().join(name)).unwrap();
         refused(name, &["report", out, "--html", html.to_str().unwrap()]);
@@ -213,7 +213,7 @@ fn keys_are_set_from_outside_and_unknown_ones_refused() {
     };
     let quick = ["views.count=1", "views.radius_sizes=2", "protocol=one view", "plan.detection.quality_min=0.95"];
     assert_eq!(told(&with(&quick)).0, Some(0));
-    let report = fs::read_to_string(out.join("report.md")).unwrap();
+    let report = String::from_utf8(run(&["report", out.to_str().unwrap()]).stdout).unwrap();
     for text in [
         "# Experiment one view",
         "count = 1\n",
@@ -290,17 +290,15 @@ fn seeds_are_told_apart_and_runs_compared() {
     };
     play("ours", "paper");
     play("theirs", "vgn-best");
-    let report = fs::read_to_string(folder.path().join("ours/report.md")).unwrap();
+    let report = String::from_utf8(run(&["report", &out("ours")]).stdout).unwrap();
     assert!(report.contains("| seed 5 | 2 |") && report.contains("| seed 6 | 2 |"), "{report}");
     assert!(report.contains("Mean and standard deviation over 2 seeds"), "{report}");
     for file in ["objects.parquet", "bodies.json", "run.json"] {
         assert!(folder.path().join("ours").join(file).metadata().unwrap().len() > 100, "{file}");
     }
-    let figure = out("figure.svg");
-    let compared = run(&["compare", &out("ours"), &out("theirs"), "--figure", &figure]);
+    let compared = run(&["report", &out("ours"), &out("theirs")]);
     let text = String::from_utf8(compared.stdout).unwrap();
     assert!(text.contains("| scene_1 |") && text.contains("| scene_2 |"), "{text}");
-    assert!(fs::read_to_string(figure).unwrap().contains("theirs"));
-    let (code, said) = told(&run(&["compare", folder.path().to_str().unwrap()]));
+    let (code, said) = told(&run(&["report", folder.path().to_str().unwrap()]));
     assert_eq!(code, Some(78), "{said}");
 }

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use arrow_schema::{DataType, Field, Fields, Metadata, Schema, SchemaRef};
-use report::document;
+use program::text::markdown_table;
 use settings::words;
 
 words! {
@@ -213,15 +213,15 @@ impl Table {
         Arc::new(Schema::new(fields))
     }
 
-    /// Its columns as a table, for the card and the reference.
+    /// Its columns as a table of Markdown, for the card and the reference.
     #[must_use]
-    pub fn described(self, form: Form) -> document::Table {
+    pub fn described(self, form: Form) -> String {
         let rows = self.columns(form).into_iter().map(|column| {
             let null = if column.nullable { ", nullable" } else { "" };
             let kind = column.kind.describe(form.resolution);
-            vec![format!("`{}`", column.name).into(), format!("{kind}{null}").into(), column.doc.into()]
+            vec![format!("`{}`", column.name), format!("{kind}{null}"), column.doc.to_owned()]
         });
-        document::Table::new(["column", "type", "meaning"], rows)
+        markdown_table(&[("column", false), ("type", false), ("meaning", false)], rows)
     }
 }
 
@@ -302,8 +302,7 @@ mod tests {
     #[test]
     fn the_markdown_has_every_column() {
         for table in Table::ALL {
-            let blocks = vec![document::Block::Table(table.described(FORM))];
-            let text = document::Document { blocks, ..document::Document::default() }.markdown();
+            let text = table.described(FORM);
             assert!(
                 table.columns(FORM).iter().all(|column| text.contains(&format!("| `{}` |", column.name))),
                 "{text}"

@@ -3,8 +3,7 @@
 
 use std::fmt::Write as _;
 
-use program::text::{bytes, grouped, percent, ratio};
-use report::document::{Block, Cell, Document, Table as Shown};
+use program::text::{bytes, grouped, markdown_table, percent, ratio};
 use schema::{Approach, Outcome, Rule, Shape};
 
 use crate::format::summary::Manifest;
@@ -30,17 +29,15 @@ pub(crate) fn card(info: &DatasetInfo, manifest: &Manifest) -> String {
         version = info.code_version,
         seed = info.seed,
     );
-    let mut blocks = vec![Block::Text(lead)];
-    blocks.extend(statistics(manifest));
-    blocks.extend(models(info));
-    blocks.push(Block::Heading("Columns".to_owned()));
+    let mut parts = vec![format!("# {TITLE}\n"), lead + "\n"];
+    parts.extend(statistics(manifest));
+    parts.extend(models(info));
+    parts.push("## Columns\n".to_owned());
     for table in Table::ALL {
-        let columns = table.described(info.form());
-        blocks.extend([Block::Subheading(table.name().to_owned()), Block::Table(columns)]);
+        parts.extend([format!("### {}\n", table.name()), table.described(info.form())]);
     }
-    blocks.extend([Block::Heading("Conventions".to_owned()), Block::Text(CONVENTIONS.to_owned())]);
-    let document = Document { title: TITLE.to_owned(), blocks, ..Document::default() };
-    format!("{}\n{}\n{}", front_matter(manifest), document.markdown(), nested(READING))
+    parts.push(format!("## Conventions\n\n{CONVENTIONS}\n"));
+    format!("{}\n{}\n{}", front_matter(manifest), parts.join("\n"), nested(READING))
 }
 
 fn front_matter(manifest: &Manifest) -> String {
@@ -83,15 +80,14 @@ Rules that end in `_normal` are VGN's: the hand comes along the normal of a seen
 share the point. There `approach_axis` and `closing_axis` are `normal`, `depth_m` is how far behind the surface the finger tips end, and
 `turn_rad` is the yaw about the approach.";
 
-fn statistics(manifest: &Manifest) -> Vec<Block> {
+fn statistics(manifest: &Manifest) -> Vec<String> {
     let totals = &manifest.totals;
     let labels = totals.labels;
-    let name = |name: &str| Cell::Text(format!("`{name}`"));
-    let number = |number: u64| Cell::Number(grouped(number));
+    let name = |name: &str| format!("`{name}`");
     let outcomes = Outcome::ALL.into_iter().map(|outcome| {
         let count = totals.outcome(outcome);
         let share = count as f64 / labels.attempts.max(1) as f64;
-        vec![name(outcome.name()), number(count), Cell::Number(percent(share))]
+        vec![name(outcome.name()), grouped(count), percent(share)]
     });
     let has = |rule: &Rule| totals.rule(*rule).attempts > 0;
     let beyond: Vec<Rule> = Rule::all().skip(12).filter(has).collect();
@@ -99,19 +95,21 @@ fn statistics(manifest: &Manifest) -> Vec<Block> {
     let by_axes = Rule::of_the_paper().into_iter().filter(|_| !of_models);
     let rules = by_axes.chain(beyond.iter().copied()).map(|rule| {
         let tally = totals.rule(rule);
-        vec![name(rule.name()), number(tally.attempts), Cell::Number(percent(tally.positive_share()))]
+        vec![name(rule.name()), grouped(tally.attempts), percent(tally.positive_share())]
     });
     let tables = Table::ALL.into_iter().map(|table| {
         let rows = manifest.shards.iter().map(|s| s.file(table).rows).sum();
-        vec![name(table.name()), number(rows), Cell::Number(bytes(manifest.bytes(table)))]
+        vec![name(table.name()), grouped(rows), bytes(manifest.bytes(table))]
     });
     let (ratio, share) = (ratio(labels.positives, labels.negatives()), percent(labels.positive_share()));
     let rejected = totals.rejections;
-    let mut blocks = vec![
-        Block::Heading("What is in it".to_owned()),
-        Block::Text(format!("Positives : negatives = **{ratio}** ({share} of attempts held the object).")),
-        Block::Table(Shown::new(["outcome", "attempts", "share"], outcomes)),
-        Block::Table(Shown::new(["rule", "attempts", "positive"], rules)),
+    let table = |[what, first, second]: [&'static str; 3], rows: &mut dyn Iterator<Item = Vec<String>>| {
+        markdown_table(&[(what, false), (first, true), (second, true)], rows)
+    };
+    let mut parts = vec![
+        format!("## What is in it\n\nPositives : negatives = **{ratio}** ({share} of attempts held the object).\n"),
+        table(["outcome", "attempts", "share"], &mut outcomes.into_iter()),
+        table(["rule", "attempts", "positive"], &mut rules.into_iter()),
     ];
     for (approach, text) in [
         (Approach::Normal, ALONG_NORMALS),
@@ -120,37 +118,34 @@ fn statistics(manifest: &Manifest) -> Vec<Block> {
         (Approach::Judged, JUDGED),
     ] {
         if beyond.iter().any(|rule| rule.approach == approach) {
-            blocks.push(Block::Text(text.to_owned()));
+            parts.push(format!("{text}\n"));
         }
     }
-    blocks.push(Block::Table(Shown::new(["table", "rows", "bytes"], tables)));
-    blocks.push(Block::Text(format!(
-        "{} scenes were thrown away on the way: {} did not come to rest, {} lost every object, {} broke the physics.",
+    parts.push(table(["table", "rows", "bytes"], &mut tables.into_iter()));
+    parts.push(format!(
+        "{} scenes were thrown away on the way: {} did not come to rest, {} lost every object, {} broke the physics.\n",
         grouped(rejected.total()),
         grouped(rejected.unsettled),
         grouped(rejected.empty),
         grouped(rejected.unstable),
-    )));
-    blocks
+    ));
+    parts
 }
 
 /// The objects, if they are not primitives.
-fn models(info: &DatasetInfo) -> Vec<Block> {
-    if info.models.is_empty() {
-        return Vec::new();
-    }
+fn models(info: &DatasetInfo) -> Option<String> {
     let rows = info.models.iter().map(|model| {
         let [x, y, z] = (model.extents_m * 1000.0).to_array();
-        let numbers = [
+        vec![
+            format!("`{}`", model.name),
             format!("{x:.1} × {y:.1} × {z:.1}"),
             format!("{:.1}", model.mass_kg * 1000.0),
             model.friction.to_string(),
             model.parts.len().to_string(),
-        ];
-        [Cell::Text(format!("`{}`", model.name))].into_iter().chain(numbers.map(Cell::Number)).collect()
+        ]
     });
-    let table = Shown::new(["model", "size, mm", "mass, g", "friction", "parts"], rows);
-    vec![Block::Heading("Objects".to_owned()), Block::Text(MODELS.to_owned()), Block::Table(table)]
+    let head = [("model", false), ("size, mm", true), ("mass, g", true), ("friction", true), ("parts", true)];
+    (!info.models.is_empty()).then(|| format!("## Objects\n\n{MODELS}\n\n{}", markdown_table(&head, rows)))
 }
 
 const MODELS: &str = "\

@@ -7,7 +7,6 @@ use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::{WriterProperties, WriterVersion};
 use program::{ExitCode, Failure};
-use report::view::flat;
 use schema::Pose;
 
 /// A column of a flat table.
@@ -54,7 +53,8 @@ pub fn plain_table(columns: Vec<(&str, PlainColumn)>) -> Result<Vec<u8>, Failure
 /// The columns of poses.
 pub fn pose_columns(poses: &[&Pose]) -> impl Iterator<Item = (&'static str, PlainColumn)> {
     let names = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"].into_iter().enumerate();
-    names.map(|(at, name)| (name, PlainColumn::Real(poses.iter().map(|pose| Some(flat(pose)[at])).collect())))
+    let numbers = |pose: &Pose| [&pose.translation.to_array()[..], &pose.rotation.to_array()].concat();
+    names.map(move |(at, name)| (name, PlainColumn::Real(poses.iter().map(|pose| Some(numbers(pose)[at])).collect())))
 }
 
 #[cfg(test)]

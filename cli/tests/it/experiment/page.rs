@@ -31,13 +31,6 @@ fn check_holds(page: &str, words: &[&str]) {
     }
 }
 
-fn rounds(folder: &Path) -> Vec<Value> {
-    let text = fs::read_to_string(folder.join("journal.jsonl")).unwrap();
-    let mut rounds: Vec<Value> = text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap()).collect();
-    rounds.sort_by_key(|round| round["round"].as_u64());
-    rounds
-}
-
 /// `84.6 % (76.0 to 91.3)` as the page has it.
 fn rate(of: &Value) -> String {
     let [value, low, high] = ["value", "low", "high"].map(|key| 100.0 * of[key].as_f64().unwrap());
@@ -45,9 +38,8 @@ fn rate(of: &Value) -> String {
 }
 
 #[test]
-fn a_page_has_the_numbers_of_the_report_and_a_hand_for_each_grasp() {
+fn a_page_has_the_numbers_of_the_report() {
     let folder = tempfile::tempdir().unwrap();
-    // VGN's network fails often enough that there are failures to show.
     play("pile.toml", folder.path(), "out", &["--rounds", "4", "--set", "plan=vgn"]);
     let (out, html) = (folder.path().join("out"), folder.path().join("page.html"));
     let found = page(&[&out], &html);
@@ -70,38 +62,6 @@ fn a_page_has_the_numbers_of_the_report_and_a_hand_for_each_grasp() {
         check_holds(&found, &[&format!(">{name}</code></td><td class=\"number\">{attempts}</td>")]);
     }
     check_holds(&found, &["Only 4 rounds", "All scenes are of one seed", "quality_min"]);
-
-    // All four rounds are shown with all of their grasps, and the first failed grasp of each once more.
-    let rounds = rounds(&out);
-    let outcomes = |round: &Value| -> Vec<bool> {
-        round["trials"].as_array().unwrap().iter().map(|trial| trial["outcome"] == "held").collect()
-    };
-    let all: Vec<Vec<bool>> = rounds.iter().map(outcomes).filter(|grasps| !grasps.is_empty()).collect();
-    let held = all.concat().iter().filter(|held| **held).count();
-    let broken = all.iter().filter(|grasps| grasps.contains(&false)).count();
-    assert!(held > 0 && broken > 0, "{all:?}");
-    assert_eq!(found.matches("<svg class=\"scene\"").count(), all.len() + broken);
-    assert_eq!(found.matches("<path class=\"held\"").count(), held);
-    let failed = all.concat().len() - held + broken;
-    assert_eq!(found.matches("</title></path>").count(), held + failed, "every hand says how it ended");
-    for (number, round) in rounds.iter().enumerate() {
-        check_holds(&found, &[&format!("Round {number}: {}", round["ending"].as_str().unwrap())]);
-    }
-}
-
-#[test]
-fn objects_of_a_catalogue_have_their_shapes() {
-    let folder = tempfile::tempdir().unwrap();
-    let sets = ["--rounds", "2", "--set", "plan=paper", "--set", "plan.detection.quality_min=0.4"];
-    let (table, out, html) = (config("table3.toml"), folder.path().join("out"), folder.path().join("page.html"));
-    assert_eq!(told(&run(&[&["run", text(&table), "--out", text(&out)], &sets[..]].concat())).0, Some(0));
-    let faces = |found: &str| found.matches("class=\"face\"").count();
-    let whole = page(&[&out], &html);
-    let objects: usize = rounds(&out).iter().map(|round| round["trials"][0]["objects"].as_array().unwrap().len()).sum();
-    assert!(faces(&whole) >= 3 * objects, "{} faces of {objects} objects", faces(&whole));
-    // Their shapes are those of bodies.json, not of somewhere else.
-    fs::write(out.join("bodies.json"), "{}").unwrap();
-    assert_eq!(faces(&page(&[&out], &html)), 0);
 }
 
 #[test]
@@ -152,18 +112,15 @@ fn what_is_no_experiment_is_told() {
         fs::write(out.join(name), content).unwrap();
         before
     };
-    for (name, content) in
-        [("report.json", "{\"results\":"), ("run.json", "[]"), ("bodies.json", "no"), ("journal.jsonl", "{}\n{}\n")]
-    {
+    for (name, content) in [("report.json", "{\"results\":"), ("journal.jsonl", "{}\n{}\n")] {
         let before = change(name, content);
         fails(65, &["damaged", name]);
         fs::write(out.join(name), before).unwrap();
     }
-    assert_eq!(told(&run(&["report", text(&out)])).0, Some(2));
     let nowhere = folder.path().join("none/page.html");
     assert_eq!(told(&run(&["report", text(&out), "--html", text(&nowhere)])).0, Some(78));
-    // Without the rows there are no pictures, and everything else.
+    // Without the rows everything else is there.
     fs::remove_file(out.join("journal.jsonl")).unwrap();
     let found = page(&[&out], &html);
-    check_holds(&found, &["No pictures of scenes", "journal.jsonl", "Attempts by outcome"]);
+    check_holds(&found, &["The folder has no journal.jsonl", "Attempts by outcome"]);
 }

@@ -7,18 +7,17 @@ use std::path::Path;
 use program::{Context, Failure, json, write};
 use report::document::{Block, Cell, Document, Picture, Table};
 use report::figure::{BLUE, Bars, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
-
-use super::Evaluation;
-use crate::judge::scores::{HandScores, RobustnessScores, Scores};
-use crate::metrics::Summary;
-use crate::scores::{BINS, Spread};
+use trainer::evaluate::Evaluation;
+use trainer::judge::scores::{HandScores, RobustnessScores, Scores};
+use trainer::metrics::Summary;
+use trainer::scores::{BINS, Spread};
 
 /// Writes `evaluation.md`, `evaluation.json`, and `precision_recall.svg` and `calibration.svg` into a folder,
 /// which is made if it is not there, in place of what these files held.
 ///
 /// # Errors
 /// If a file cannot be written, or a figure cannot be drawn.
-pub fn write_report(evaluation: &Evaluation, folder: &Path) -> Result<(), Failure> {
+pub(crate) fn write_report(evaluation: &Evaluation, folder: &Path) -> Result<(), Failure> {
     fs::create_dir_all(folder).context(format_args!("failed to make {}", folder.display()))?;
     let (curve, honesty) = (precision_recall(evaluation), calibration(evaluation));
     for (name, bytes) in [
@@ -95,8 +94,7 @@ fn qualities(evaluation: &Evaluation) -> Figure {
 }
 
 /// The evaluation's numbers and figures; `evaluation.md` and a terminal show them.
-#[must_use]
-pub fn document(evaluation: &Evaluation) -> Document {
+pub(crate) fn document(evaluation: &Evaluation) -> Document {
     Document { title: "Evaluation".to_owned(), blocks: blocks(evaluation), footer: String::new() }
 }
 

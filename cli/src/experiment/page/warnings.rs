@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use experiments::record::Ending;
+use experiments::report::Report;
 use program::text::{grouped, percent};
 
 use super::Played;
-use crate::record::Ending;
-use crate::report::Report;
 
 /// Of fewer rounds a bootstrap says little.
 const ROUNDS_MIN: u64 = 30;
@@ -53,7 +53,7 @@ fn of(one: &Played) -> Vec<String> {
     let (own, made) = (env!("CARGO_PKG_VERSION"), about.versions.get("experiments").map_or("unknown", String::as_str));
     warn(made != own, format!("Version of the program that played the rounds: {made}; of this page's: {own}."));
     let Some(played) = &one.rounds else {
-        warn(true, "No pictures of scenes: the folder has no journal.jsonl.".to_owned());
+        warn(true, "The folder has no journal.jsonl: what it would warn of is not known.".to_owned());
         return warnings;
     };
     let silent: Vec<&str> = played.iter().filter_map(|round| round.no_answer.as_deref()).collect();
@@ -82,12 +82,12 @@ mod tests {
     use std::collections::BTreeMap;
     use std::path::PathBuf;
 
+    use experiments::record::{Attempt, Round};
+    use experiments::report::About;
+    use experiments::statistics::results;
     use schema::{Outcome, Pose};
 
     use super::*;
-    use crate::record::{Attempt, Round};
-    use crate::report::About;
-    use crate::statistics::results;
 
     fn round(number: u64) -> Round {
         let held = !number.is_multiple_of(3);
@@ -124,7 +124,7 @@ mod tests {
         let versions = BTreeMap::from([("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
         let about = About { command: String::new(), config: String::new(), model_id: "c0ffee".to_owned(), versions };
         let report = Report { results: results("pile", &rounds), about };
-        Played { folder: PathBuf::from("out"), report, rounds: Some(rounds), stage: None }
+        Played { folder: PathBuf::from("out"), report, rounds: Some(rounds) }
     }
 
     fn fine() -> Vec<Round> {

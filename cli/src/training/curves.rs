@@ -6,8 +6,7 @@ use std::path::Path;
 use program::{ExitCode, Failure, write};
 use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 use serde::Deserialize;
-
-use crate::run_folder::{METRICS, read_metrics};
+use trainer::run_folder::{METRICS, read_metrics};
 
 /// What is shown of a line of `metrics.jsonl`.
 #[derive(Debug, Deserialize)]

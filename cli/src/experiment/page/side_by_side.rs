@@ -1,10 +1,10 @@
 //! Several experiments in tables, and which success rates are apart.
 
+use experiments::statistics::GroupResults;
 use report::document::{Block, Cell, Table};
 
 use super::Played;
-use crate::report::{bar, share, times};
-use crate::statistics::GroupResults;
+use super::sections::{bar, share, times};
 
 /// A row for each experiment; for kinds of scenes that are in all experiments, the attempts and the rate of each
 /// experiment, the form of the paper's Table 4; then the success rates that are apart.

@@ -1,26 +1,25 @@
 //! Experiments that were run as one description, which becomes a page, Markdown and a terminal's text: rates with their
-//! intervals, why attempts failed, pictures of scenes with the grasps that were executed; several of them side by side.
+//! intervals, and why attempts failed; several of them side by side.
 //!
 //! A success rate without its protocol is a rumour: every section says whose numbers it holds.
 
 mod differences;
-mod pictures;
+mod sections;
 mod side_by_side;
 mod warnings;
 
 use std::path::{Path, PathBuf};
 
-use program::Failure;
+use experiments::journal::journalled;
+use experiments::record::Round;
+use experiments::report::Report;
+use experiments::statistics::{DRAWS, Interval, Rates, Results};
 use program::text::grouped;
+use program::{Failure, write};
 use report::document::{Block, Document, Drawing, Picture, below};
 use report::figure::{Intervals, Rate, Row};
 
-use crate::journal::journalled;
-use crate::record::Round;
-use crate::report::{Report, details, origin, parts, share, times};
-use crate::statistics::{DRAWS, Interval, Rates, Results};
-
-use pictures::Stage;
+use sections::{details, origin, parts, share, times};
 
 /// An experiment that was run.
 #[derive(Debug)]
@@ -29,19 +28,10 @@ pub struct Played {
     report: Report,
     /// `None` where the journal was not kept.
     rounds: Option<Vec<Round>>,
-    /// Without it there are no pictures of scenes.
-    stage: Option<Stage>,
 }
 
 impl Played {
-    /// An experiment whose rounds were just played, without pictures.
-    #[must_use]
-    pub fn now(folder: &Path, report: Report, rounds: Vec<Round>) -> Self {
-        Self { folder: folder.to_owned(), report, rounds: Some(rounds), stage: None }
-    }
-
-    /// Reads the folder of an experiment: `report.json` and, for the pictures, `journal.jsonl`, `run.json` and
-    /// `bodies.json`.
+    /// Reads the folder of an experiment: `report.json` and, if it is there, `journal.jsonl`.
     ///
     /// # Errors
     /// If there is no experiment that is done, or a file cannot be read or is not what a run writes.
@@ -50,7 +40,7 @@ impl Played {
         // A run that was made shorter keeps the rounds that it does not count any more.
         let counted = |rounds: Vec<Round>| rounds.into_iter().filter(|r| r.round < report.results.rounds).collect();
         let rounds = journalled(folder)?.map(counted);
-        Ok(Self { folder: folder.to_owned(), rounds, stage: Stage::read(folder)?, report })
+        Ok(Self { folder: folder.to_owned(), rounds, report })
     }
 
     fn results(&self) -> &Results {
@@ -75,24 +65,25 @@ pub fn document(all: &[Played]) -> Document {
     blocks.extend(rates(all));
     if all.len() > 1 {
         blocks.push(Block::Heading("Side by side".to_owned()));
-        blocks.extend(comparison(all).blocks);
+        blocks.extend(side_by_side::blocks(all, &names));
+        blocks.extend(differences::blocks(all, &names));
     }
     for (one, name) in all.iter().zip(&names) {
         let mut own = details(one.results());
-        own.extend(pictures::section(one));
         own.extend(origin(&one.report.about));
         if all.len() > 1 { blocks.extend(below(name, own)) } else { blocks.extend(own) }
     }
     Document { title, blocks, footer: format!("graspmill experiment report, Graspmill {}", env!("CARGO_PKG_VERSION")) }
 }
 
-/// Several experiments in a table, which success rates are apart, and which settings differ.
-#[must_use]
-pub fn comparison(all: &[Played]) -> Document {
-    let names = names(all);
-    let mut blocks = side_by_side::blocks(all, &names);
-    blocks.extend(differences::blocks(all, &names));
-    Document { blocks, ..Document::default() }
+/// Writes the page of an experiment that is done into its folder, and returns its file.
+///
+/// # Errors
+/// If a file cannot be read or written.
+pub fn write_page(folder: &Path) -> Result<PathBuf, Failure> {
+    let path = folder.join("report.html");
+    write(&path, document(&[Played::read(folder)?]).html()?)?;
+    Ok(path)
 }
 
 /// An experiment's rates with their protocol in a few lines, as they are read last in a terminal.
@@ -100,12 +91,6 @@ pub fn comparison(all: &[Played]) -> Document {
 pub fn in_short(results: &Results) -> String {
     let blocks = vec![Block::Tiles(tiles(results))];
     Document { title: results.protocol.clone(), blocks, footer: String::new() }.text()
-}
-
-/// The success rate and the cleared share of experiments.
-#[must_use]
-pub fn figure(all: &[Played]) -> Intervals {
-    intervals(names(all).into_iter().zip(all.iter().map(|one| one.results().rates)))
 }
 
 fn intervals(rows: impl Iterator<Item = (String, Rates)>) -> Intervals {
@@ -148,11 +133,10 @@ fn tiles(results: &Results) -> Vec<(String, String)> {
 
 /// The rates as a figure and, of a single experiment, those of its parts.
 fn rates(all: &[Played]) -> [Block; 3] {
-    let whole = figure(all);
+    let whole = intervals(names(all).into_iter().zip(all.iter().map(|one| one.results().rates)));
     let title = whole.title.clone();
     let mut pictures = vec![Picture::new(Drawing::Intervals(whole), title, "Disc: GSR. Ring: cleared.")];
     if let [one] = all {
-        pictures[0].file = Some("report.svg");
         for (title, groups) in parts(one.results()) {
             let parts = intervals(groups.iter().map(|group| (group.name.clone(), group.rates)));
             let caption = "The same for parts of the rounds; their intervals are wider, for they are fewer.";
@@ -169,14 +153,12 @@ fn rates(all: &[Played]) -> [Block; 3] {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
+    use experiments::record::Ending;
+    use experiments::report::About;
+    use experiments::statistics::{GroupResults, Percentiles, TargetResults, results};
     use schema::Outcome;
 
     use super::*;
-    use crate::record::Ending;
-    use crate::report::About;
-    use crate::statistics::{GroupResults, Percentiles, TargetResults, results};
 
     fn interval(value: f64, low: f64, high: f64) -> Option<Interval> {
         Some(Interval { value, low, high })
@@ -240,11 +222,16 @@ mod tests {
     }
 
     fn played(results: Results) -> [Played; 1] {
-        [Played::now(Path::new("out"), Report { results, about: about() }, Vec::new())]
+        let report = Report { results, about: about() };
+        [Played { folder: PathBuf::from("out"), report, rounds: Some(Vec::new()) }]
     }
 
     fn several(results: impl IntoIterator<Item = Results>) -> Vec<Played> {
         results.into_iter().flat_map(played).collect()
+    }
+
+    fn comparison(all: &[Played]) -> String {
+        Document { blocks: side_by_side::blocks(all, &names(all)), ..Document::default() }.markdown()
     }
 
     const PAGE: &str = r#"# Experiment pile
@@ -262,8 +249,6 @@ Observe, plan, grasp; repeat until the table is empty or a stop rule applies.
 ## Rates
 
 GSR, the grasp success rate: attempts that held, of all attempts. % cleared, also called DR: objects removed, of those at the beginning. Intervals: 95 %, by bootstrap over whole rounds (2000 draws), because grasps of one round fail together.
-
-![grasp success rate and share of objects cleared](report.svg)
 
 6 of 10 attempts held, 6 of 8 objects were removed.
 Rendering the views took 50.0 / 60.0 / 70.5 ms (p50 / p90 / p99); a plan gave 12.5 grasps on average.
@@ -360,7 +345,7 @@ name = "```"
         best.rates.success_rate = interval(0.9, 0.76, 0.97);
         let touching = Results { protocol: "touching".to_owned(), ..small("") };
         let nothing = results("nothing", &[]);
-        let text = comparison(&several([small("vgn"), best.clone(), touching.clone(), nothing])).markdown();
+        let text = comparison(&several([small("vgn"), best.clone(), touching.clone(), nothing]));
         let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("| ")).collect();
         assert_eq!(rows.len(), 5, "{text}");
         assert!(rows[2].starts_with("| ours | 4 | 10 | 90.0 % (76.0 to 97.0) | 75.0 %"), "{text}");
@@ -368,17 +353,17 @@ name = "```"
             assert!(text.contains(&format!("- ours, 90.0 % (76.0 to 97.0), is above {low}, 60.0 %")), "{text}");
         }
         best.rates.success_rate = interval(0.9, 0.75, 0.97);
-        assert!(!comparison(&several([best, touching])).markdown().contains("is above vgn"));
+        assert!(!comparison(&several([best, touching])).contains("is above vgn"));
     }
 
     #[test]
     fn experiments_on_the_same_scenes_stand_side_by_side() {
-        let text = comparison(&several([small("ours"), small("vgn")])).markdown();
+        let text = comparison(&several([small("ours"), small("vgn")]));
         let head = "| scene | ours: held of attempts | GSR (95 %) | vgn: held of attempts | GSR (95 %) |";
         let row = "| hard | 2 of 5 | 50.0 % (25.0 to 75.0) | 2 of 5 | 50.0 % (25.0 to 75.0) |";
         assert!(text.contains(head) && text.contains(row), "{text}");
         let other = Results { by_group: vec![group("alone", 1, 0)], ..small("other") };
-        assert!(!comparison(&several([small("ours"), other])).markdown().contains("| scene |"));
+        assert!(!comparison(&several([small("ours"), other])).contains("| scene |"));
     }
 
     #[test]
