@@ -36,14 +36,11 @@ pub fn page(plan: &Plan, gripper: &Gripper, title: &str) -> String {
     }
     view.hidden = vec![Outcome::ApproachCollision.name().to_owned()];
     for number in 0..plan.objects.len() {
-        let class = if plan.grasps.first().is_some_and(|best| best.object == Some(number)) {
-            Class::Target
-        } else {
-            Class::Object
-        };
+        let is_target = plan.grasps.first().is_some_and(|best| best.object == Some(number));
+        let class = if is_target { Class::Target } else { Class::Surface };
         view.points.push(points(plan, class, &format!("object {number}"), PointLabel::Object(number)));
     }
-    view.points.push(points(plan, Class::Surface, "table", PointLabel::Plane));
+    view.points.push(points(plan, Class::Table, "table", PointLabel::Plane));
     view.points.push(points(plan, Class::Surface, "of no object", PointLabel::Noise));
     view.points.retain(|segment| !segment.points_m.is_empty());
     view.fact("grasps", plan.grasps.len().to_string());
