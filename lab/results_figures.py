@@ -42,10 +42,11 @@ def plain(cell):
     return re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", cell).strip()
 
 
-def table(page):
-    """The rows of the first table of a page, without its head."""
+def table(page, picture):
+    """The rows of the table above a picture of a page, without its head."""
     lines = page.splitlines()
-    first = next(number for number, line in enumerate(lines) if line.startswith("|")) + 2
+    below = next(number for number, line in enumerate(lines) if picture in line)
+    first = max(number for number, line in enumerate(lines[:below]) if line.startswith("|") and not lines[number - 1].startswith("|")) + 2
     rows = []
     for line in lines[first:]:
         if not line.startswith("|"):
@@ -89,7 +90,7 @@ def ticks(axis):
 
 def draw(name):
     label_columns, axis, unit, panels = FIGURES[name]
-    rows = table((DOCS / "results" / f"{name}.md").read_text())
+    rows = table((DOCS / "results" / f"{name}.md").read_text(), f"{name}.svg")
     rows = [row for row in rows if any(values(row[column]) for _, columns, _ in panels for column in columns)]
     labels = [", ".join(row[column] for column in label_columns if row[column]) for row in rows]
     labels = [label if len(label) <= 60 else label[:59] + "…" for label in labels]
