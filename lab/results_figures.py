@@ -44,9 +44,8 @@ def plain(cell):
 
 def table(page, picture):
     """The rows of the table above a picture of a page, without its head."""
-    lines = page.splitlines()
-    below = next(number for number, line in enumerate(lines) if picture in line)
-    first = max(number for number, line in enumerate(lines[:below]) if line.startswith("|") and not lines[number - 1].startswith("|")) + 2
+    lines = page[: page.index(picture)].splitlines()
+    first = max(number for number, line in enumerate(lines) if line.startswith("|") and not lines[number - 1].startswith("|")) + 2
     rows = []
     for line in lines[first:]:
         if not line.startswith("|"):
