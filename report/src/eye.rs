@@ -16,8 +16,6 @@ pub(crate) struct Eye {
     /// Pixels down for each pixel across: how lenses with unequal focal lengths see.
     stretch: f32,
     centre_px: [f32; 2],
-    /// Whether it is a camera's, in its optical frame.
-    is_lens: bool,
 }
 
 /// The scale from lengths across the line of sight to pixels.
@@ -25,7 +23,7 @@ pub(crate) struct Eye {
 enum Scale {
     /// Without perspective: pixels per metre.
     Parallel(f32),
-    /// With perspective: pixels per metre at a depth of one metre.
+    /// Through a lens, in its optical frame: pixels per metre at a depth of one metre.
     Perspective(f32),
 }
 
@@ -50,7 +48,6 @@ impl Eye {
             scale: Scale::Parallel(px_per_m),
             stretch: 1.0,
             centre_px,
-            is_lens: false,
         }
     }
 
@@ -64,7 +61,6 @@ impl Eye {
             scale: Scale::Perspective(lens.fx_px),
             stretch: lens.fy_px / lens.fx_px,
             centre_px: [lens.cx_px, lens.cy_px],
-            is_lens: true,
         }
     }
 
@@ -92,7 +88,7 @@ impl Eye {
     }
 
     fn near_m(&self) -> f32 {
-        NEAR_M[usize::from(self.is_lens)]
+        NEAR_M[usize::from(matches!(self.scale, Scale::Perspective(_)))]
     }
 
     fn depth_m(&self, point_m: Vec3) -> f32 {
