@@ -15,17 +15,17 @@ DOCS = Path(__file__).parent.parent / "docs"
 COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"]
 ROW, TOP, GAP, LETTER = 22, 58, 26, 6.1
 NUMBER = r"(?:(?<=[\s|(])-)?\d[\d,]*(?:\.\d+)?(?:e-?\d+)?"
-BOTH = ["held", "cleared"]
+BOTH = ["grasp success rate", "declutter rate"]
 WHOLE = (0, 100, False)
 
 # Page: columns that name a row, (low, high, is logarithmic) of the axis, what the axis has, panels. A panel has a name,
-# columns and names of the dots; a column with held / cleared has two dots.
+# columns and names of the dots; a column with GSR / DR has two dots.
 FIGURES = {
     "engine-speed": ([0], (1, 200, True), "times slower than ours", [("", [3], [])]),
     "finer-grid": ([0], (75, 100, False), "%", [("one, 7.5 mm", [1], BOTH), ("one, 2.5 mm", [2], BOTH), ("own, 7.5 mm", [3], BOTH),
                    ("own, 2.5 mm", [4], BOTH)]),
     "generating": ([0], (0, 12000, False), "attempts/s", [("", [3], [])]),
-    "hands": ([0], (75, 100, False), "%", [("held", [1, 3], ["one for many", "its own"]), ("cleared", [2, 4], ["one for many", "its own"])]),
+    "hands": ([0], (75, 100, False), "%", [("grasp success rate", [1, 3], ["one for many", "its own"]), ("declutter rate", [2, 4], ["one for many", "its own"])]),
     "other-simulators": ([0], WHOLE, "%", [("GIGA: packed", [1], BOTH), ("GIGA: piles", [2], BOTH), ("VGN: blocks", [3], BOTH), ("VGN: packed", [4], BOTH),
                          ("VGN: piles", [5], BOTH)]),
     "paper-network": ([0], WHOLE, "%", [("piles", [1, 2], BOTH), ("upright", [3, 4], BOTH)]),
