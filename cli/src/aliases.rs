@@ -15,7 +15,6 @@ const ALIASES: [Alias; 5] = [
         program: "generator",
         commands: &[
             ("annotate", &["objects", "annotate"]),
-            ("bench", &["dataset", "bench"]),
             ("depth", &["dataset", "depth"]),
             ("finalize", &["dataset", "finalize"]),
             ("gc", &["dataset", "gc"]),
@@ -33,7 +32,7 @@ const ALIASES: [Alias; 5] = [
         commands: &[("export", &["weights", "export"]), ("import", &["weights", "import"]), ("recipe", &["pipeline"])],
         otherwise: &[],
     },
-    Alias { program: "planner", commands: &[("bench", &["experiment", "bench"])], otherwise: &[] },
+    Alias { program: "planner", commands: &[], otherwise: &[] },
     Alias { program: "experiments", commands: &[("manual", &["manual"])], otherwise: &["experiment"] },
 ];
 

@@ -1,6 +1,5 @@
 //! `graspmill dataset`: look at datasets, and take care of their files.
 
-mod bench;
 pub(crate) mod browse;
 mod depth;
 mod export;
@@ -34,7 +33,6 @@ pub(crate) enum Command {
     Missing(missing::Arguments),
     Finalize(finalize::Arguments),
     Gc(gc::Arguments),
-    Bench(bench::Arguments),
 }
 
 const EXAMPLES: &str = "\
@@ -68,7 +66,6 @@ impl Command {
             Self::Missing(arguments) => missing::run(arguments),
             Self::Finalize(arguments) => finalize::run(arguments),
             Self::Gc(arguments) => gc::run(arguments),
-            Self::Bench(arguments) => bench::run(arguments),
         }
     }
 }

@@ -1,6 +1,5 @@
 //! `graspmill experiment`: clears tables in simulation and counts.
 
-mod bench;
 pub mod page;
 mod report;
 pub(crate) mod run;
@@ -13,7 +12,6 @@ use program::{ExitCode, Failure};
 #[command(after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
 pub(crate) enum Command {
     Run(run::Arguments),
-    Bench(bench::Arguments),
     Report(report::Arguments),
 }
 
@@ -23,7 +21,6 @@ Examples:
   graspmill experiment run configs/experiment/packed.toml --rounds 20 --out runs/packed
   graspmill experiment run configs/experiment/pile.toml --set views.count=3 --set plan.ranking.policy=vgn-best --set protocol='pile, 3 views' --out runs/three
   graspmill experiment report runs/pile runs/three
-  graspmill experiment bench
   graspmill experiment report runs/pile --html pile.html
 
 Interrupt a run and start the same command again: it continues where it stopped.";
@@ -32,7 +29,6 @@ impl Command {
     pub(crate) fn run(&self) -> Result<ExitCode, Failure> {
         match self {
             Self::Run(arguments) => run::run(arguments),
-            Self::Bench(arguments) => bench::run(arguments),
             Self::Report(arguments) => report::run(arguments),
         }
     }

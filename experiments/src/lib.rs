@@ -4,9 +4,8 @@
 //! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], dropped or
 //! packed), [`offer`] says what a planner is asked, [`served`] is one behind an address, [`round`] runs one round,
 //! [`run`] runs all of them into a [`journal`], [`statistics`] computes the rates, and [`finish`] writes [`tables`] and
-//! a [`report`]. [`mod@bench`] times plans.
+//! a [`report`].
 
-pub mod bench;
 pub mod config;
 mod files;
 pub mod finish;

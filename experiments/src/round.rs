@@ -181,7 +181,7 @@ fn execute(
     (target, (execution, poses))
 }
 
-pub(crate) fn milliseconds(since: Instant) -> f32 {
+fn milliseconds(since: Instant) -> f32 {
     (since.elapsed().as_secs_f64() * 1e3) as f32
 }
 
@@ -191,8 +191,9 @@ fn moved(scene: &Scene, poses: &[Pose], gone: Option<usize>) -> Vec<SceneObject>
     objects.map(|(_, (object, pose))| SceneObject { workspace_from_object: *pose, ..object.clone() }).collect()
 }
 
-/// Renders the observation.
-pub(crate) fn observe(config: &Config, cameras: &[Camera], scene: &Scene, noise: &mut Stream) -> Vec<View> {
+/// What cameras see of a scene, with the experiment's noise.
+#[must_use]
+pub fn observe(config: &Config, cameras: &[Camera], scene: &Scene, noise: &mut Stream) -> Vec<View> {
     let rays = SceneRays::new(scene);
     let seen = |camera: &Camera| {
         let mut image = rays.render(camera);

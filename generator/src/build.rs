@@ -1,13 +1,11 @@
 //! A scene's rows from its number: objects, rest, views, TSDF, candidates, attempts.
 
-use std::mem::replace;
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
 
 use perception::{Sensor, SensorParams, Tsdf, camera_at, draw_kind};
 use schema::{
-    AttemptRecord, Container, Intrinsics, ObjectRecord, Outcome, Purpose, SceneRecord, SceneRejections, SceneRows,
-    Shape, Stream, View, VoxelGrid,
+    AttemptRecord, Container, Intrinsics, ObjectRecord, Purpose, SceneRecord, SceneRejections, SceneRows, Shape,
+    Stream, View, VoxelGrid,
 };
 use simulator::{AttemptWorld, Execution, Scene, SceneObject, SceneRays, Settled, Unsettled, settle, settle_again};
 
@@ -53,21 +51,13 @@ pub enum Stage {
         moving: Option<Shape>,
     },
     /// Dropping objects until they rest.
-    Settle,
-    /// Depth and TSDF of this many views.
-    Observe {
-        /// How many.
-        views: usize,
-    },
+    Settled,
+    /// Depth and TSDF of all views.
+    Observed,
     /// Drawing candidates, and making the scene ready for attempts.
-    Prepare,
+    Prepared,
     /// One attempt.
-    Attempt {
-        /// How it ended.
-        outcome: Outcome,
-        /// Steps that were simulated.
-        steps: usize,
-    },
+    Attempted,
 }
 
 /// Makes the rows of scene `scene_id` with `attempt_count` attempts: a pure function of its arguments.
@@ -75,28 +65,27 @@ pub enum Stage {
 /// # Errors
 /// [`NoScene`] if no try came to rest.
 pub fn make_scene(config: &Config, scene_id: u64, attempt_count: u32) -> Result<SceneRows, NoScene> {
-    make_scene_timed(config, scene_id, attempt_count, &mut |_, _| ControlFlow::Continue(()))
+    make_scene_watched(config, scene_id, attempt_count, &mut |_| ControlFlow::Continue(()))
 }
 
-/// [`make_scene`], which also reports the time of each stage, and abandons the scene if `on_stage` breaks.
+/// [`make_scene`], which also tells when each stage ends, and abandons the scene if `on_stage` breaks.
 ///
 /// # Errors
 /// [`NoScene`] if no try came to rest, or the scene was abandoned.
-pub fn make_scene_timed(
+pub fn make_scene_watched(
     config: &Config,
     scene_id: u64,
     attempt_count: u32,
-    on_stage: &mut dyn FnMut(Stage, Duration) -> ControlFlow<()>,
+    on_stage: &mut dyn FnMut(Stage) -> ControlFlow<()>,
 ) -> Result<SceneRows, NoScene> {
-    let mut began = Instant::now();
-    let mut ended = |stage: Stage| match on_stage(stage, replace(&mut began, Instant::now()).elapsed()) {
+    let mut ended = |stage: Stage| match on_stage(stage) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(NoScene::Abandoned { scene_id }),
     };
     let container = draw_container(&config.container, config.seed, scene_id);
     let (settled, dropped_count, rejections) =
         settled_scene(config, scene_id, container.as_ref(), &mut |moving| ended(Stage::Rejected { moving }))?;
-    ended(Stage::Settle)?;
+    ended(Stage::Settled)?;
 
     let objects = object_records(config, scene_id, &settled.scene);
     // The attempts run on the rows, as they are stored.
@@ -107,7 +96,7 @@ pub fn make_scene_timed(
     let views = in_front(container.as_ref(), views);
     let rays = SceneRays::new(&scene);
     let tsdf = observe(config, scene_id, &rays, &views);
-    ended(Stage::Observe { views: views.len() })?;
+    ended(Stage::Observed)?;
 
     let mut candidates_stream = Stream::new(config.seed, scene_id, Purpose::Candidates, 0);
     let count = attempt_count as usize;
@@ -123,13 +112,13 @@ pub fn make_scene_timed(
     let own = (&config.physics, config.gripper.of_scene(scene_id), &config.procedure);
     let world = AttemptWorld::new(own.0, own.1, own.2, &scene);
     let repeats = Repeats::of_scene(config.robustness.as_ref(), (config.seed, scene_id), own, &scene);
-    ended(Stage::Prepare)?;
+    ended(Stage::Prepared)?;
 
     let mut execute = |(candidate, attempt_id): (&Candidate, u32)| {
         let execution = world.execute(&candidate.workspace_from_grasp, candidate.object_id);
         let mut record = attempt_record(scene_id, attempt_id, candidate, &execution);
         record.robustness = repeats.as_ref().and_then(|repeats| repeats.robustness(&record));
-        ended(Stage::Attempt { outcome: execution.outcome, steps: execution.steps })?;
+        ended(Stage::Attempted)?;
         Ok::<_, NoScene>(record)
     };
     let mut attempts: Vec<AttemptRecord> = candidates.iter().zip(0..).map(&mut execute).collect::<Result<_, _>>()?;

@@ -6,7 +6,6 @@
 //! requested shards, on all cores, and commits each shard when it is complete.
 
 mod annotate;
-mod bench;
 mod build;
 mod candidates;
 pub mod catalogue;
@@ -33,8 +32,7 @@ mod robustness;
 mod run;
 
 pub use annotate::{AnnotateParams, Annotated, GraspShares, PHYSICS, PROCEDURE, annotate, grasp_replays, relabel};
-pub use bench::{BenchReport, Comparison, Cost, bench};
-pub use build::{NoScene, Stage, make_scene, make_scene_timed};
+pub use build::{NoScene, Stage, make_scene, make_scene_watched};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ObjectParams, Overrides, PackedParams, RuleClosing, Sampler};
 pub use containers::{ContainerParams, container_faults, draw_container, room_m};

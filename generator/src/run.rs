@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use schema::{SceneRows, Shape};
 use shards::{Counts, DatasetInfo, Draft, Finalized, Location, ShardWriter};
 
-use crate::build::{NoScene, Stage, make_scene_timed};
+use crate::build::{NoScene, Stage, make_scene_watched};
 use crate::config::Config;
 
 /// Scenes of a parallel batch, from one shard or several: enough that cores rarely wait for the last scene of a batch.
@@ -248,7 +248,7 @@ impl Run<'_> {
         }
         let mut moved = Vec::new();
         let attempts = self.draft.info().attempts_of_scene(scene_id);
-        let made = make_scene_timed(self.config, scene_id, attempts, &mut |stage, _| {
+        let made = make_scene_watched(self.config, scene_id, attempts, &mut |stage| {
             if let Stage::Rejected { moving } = stage {
                 moved.push(moving);
             }

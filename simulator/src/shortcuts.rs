@@ -1,7 +1,7 @@
 //! What an attempt may leave out, because it decides nothing.
 //!
 //! None of this changes what a label means: with [`Physics::shortcuts`] off, everything is simulated, and
-//! `graspmill dataset bench` counts how often that ends differently.
+//! `cargo bench -p generator` counts how often that ends differently.
 
 use schema::{Physics, Vec3};
 

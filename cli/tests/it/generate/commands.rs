@@ -1,4 +1,4 @@
-//! `bench` and `repeat`.
+//! `repeat`.
 
 use std::path::Path;
 use std::process::Command;
@@ -26,30 +26,6 @@ pub(crate) fn lying_dataset(config: &Config, at: &Path, mut lie: impl FnMut(&mut
         writer.commit().unwrap();
     }
     draft.finalize().unwrap();
-}
-
-#[test]
-fn a_bench_measures_runs_stages_outcomes_and_shortcuts() {
-    let dir = workshop(&small_config());
-    let flags = ["bench", "--config", "config.toml", "--attempts", "120", "--repeat", "60", "--threads", "2", "--json"];
-    let report: serde_json::Value = serde_json::from_str(&check_ok(&program(&flags, dir.path()))).unwrap();
-    let sum = |list: &str, key: &str| -> f64 {
-        report[list].as_array().unwrap().iter().map(|cost| cost[key].as_f64().unwrap()).sum()
-    };
-    let stage = |number: usize, key: &str| report["stages"][number][key].as_f64().unwrap();
-    assert_eq!((report["runs"][0]["count"].as_u64(), report["runs"][1]["count"].as_u64()), (Some(120), Some(120)));
-    assert_eq!((sum("outcomes", "count"), stage(3, "count") + stage(4, "count")), (120.0, 120.0));
-    assert_eq!(sum("outcomes", "steps"), stage(4, "steps"));
-    assert!((sum("outcomes", "total_s") - stage(3, "total_s") - stage(4, "total_s")).abs() < 1e-9);
-    assert_eq!(report["without_shortcuts"]["attempts"], 60);
-    assert!(report["without_shortcuts"]["same_label"].as_u64().unwrap() >= 57, "{}", report["without_shortcuts"]);
-    assert!(report["bytes"].as_u64().unwrap() > 10_000);
-
-    let flags = ["bench", "--config", "config.toml", "--attempts", "60", "--repeat", "0", "--threads", "1"];
-    let text = check_ok(&program(&flags, dir.path()));
-    for part in ["| settle ", "| pregrasp_collision "] {
-        assert!(text.contains(part), "{part:?} is not in:\n{text}");
-    }
 }
 
 #[test]
