@@ -24,6 +24,6 @@ mod view;
 pub use browse::browse;
 pub use grasps::{GivenGrasps, GraspFormat, browse_grasps, grasp_sets, grasps_info, read_grasp_set};
 pub use pictures::{scene_svg, spread};
-pub use statistics::{Bin, Coverage, Fit, Group, Law, OutcomeGroup, Report, TableSize, report};
+pub use statistics::{Bin, Group, ModelCount, OutcomeGroup, Report, TableSize, report};
 pub use tsdf::tsdf;
 pub use view::scene_view;

@@ -3,15 +3,14 @@
 use program::Failure;
 use program::text::{bytes, grouped, percent, ratio, setting};
 use report::document::{Block, Cell, Document, Picture, Table};
-use report::figure::{BLUE, Bars, Colour, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
+use report::figure::{Bars, Figure, GREEN, ORANGE, Scale};
 use schema::Outcome;
 use serde_json::Value;
 use settings::flattened;
 use shards::{Dataset, DatasetInfo, Tally};
 
 use crate::pictures::{picture, spread};
-use crate::statistics::coverage::{AZIMUTHS, HEIGHTS};
-use crate::statistics::{Bin, Fit, Group, Law, Report};
+use crate::statistics::{Bin, Group, Report};
 
 /// Scenes that are shown.
 const SCENES_SHOWN: usize = 12;
@@ -22,7 +21,7 @@ impl Report {
     pub fn document(&self, info: &DatasetInfo) -> Document {
         let mut blocks =
             vec![Block::Text(lead(self, info)), Block::Tiles(tiles(self)), Block::Warnings(self.warnings())];
-        let sections = [outcomes(self), positives(self), hand(self), laws(self), orientations(self), sizes(self)];
+        let sections = [outcomes(self), positives(self), hand(self), sizes(self)];
         for (title, text, shown) in sections {
             blocks.extend([Block::Heading(title.to_owned()), Block::Text(text)]);
             blocks.extend(shown);
@@ -246,112 +245,6 @@ fn counts_of_bins(title: &str, label: &str, bins: &[Bin], factor: f64) -> Figure
             Bars { name: "failed".to_owned(), colour: ORANGE, bars: failed },
         ],
     }
-}
-
-fn laws(report: &Report) -> Section {
-    let mut pictures = Vec::new();
-    let mut rows = Vec::new();
-    for fit in &report.fits {
-        let test = fit.chi_square();
-        let told = test.map_or_else(
-            || "too few draws to say".to_owned(),
-            |test| format!("χ² = {:.1}, {} degrees of freedom, p = {:.3}", test.statistic, test.degrees, test.p),
-        );
-        let selected = if fit.complete { "" } else { ". Objects that fell off the table are not in the data" };
-        pictures.push(Picture::figure(law(fit), &format!("{} draws; {told}{selected}.", grouped(fit.total()))));
-        rows.push(vec![
-            fit.name.into(),
-            law_in_words(fit).into(),
-            Cell::Count(fit.total()),
-            Cell::Number(test.map_or("–".to_owned(), |t| format!("{:.1} / {}", t.statistic, t.degrees))),
-            Cell::Number(test.map_or("–".to_owned(), |t| format!("{:.3}", t.p))),
-        ]);
-    }
-    let title = "Draws against their laws";
-    if rows.is_empty() {
-        return (title, "No attempt was drawn by a rule of Appendix A.".to_owned(), Vec::new());
-    }
-    let text = "What was drawn beside the laws of the paper's Appendix A and of the config. p is the probability that a sample of the law is \
-                as far off or further: small values now and then are chance, tiny ones are not.";
-    let table = Table::new(["what was drawn", "law", "draws", "χ² / degrees", "p"], rows);
-    (title, text.to_owned(), vec![Block::Figures(pictures), Block::Table(table)])
-}
-
-fn law_in_words(fit: &Fit) -> String {
-    match fit.law {
-        Law::Uniform => format!("uniform, {:.0} to {:.0} {}", fit.range[0], fit.range[1], fit.unit),
-        Law::StandardNormal => "normal".to_owned(),
-        Law::Weights => "the config's weights".to_owned(),
-    }
-}
-
-fn law(fit: &Fit) -> Figure {
-    let total = fit.total().max(1) as f64;
-    let shares: Vec<f64> = fit.counts.iter().map(|count| 100.0 * *count as f64 / total).collect();
-    let step = (fit.range[1] - fit.range[0]) / fit.counts.len() as f64;
-    let expected = fit.expected.iter().enumerate();
-    let line = expected.map(|(at, share)| (fit.range[0] + (at as f64 + 0.5) * step, 100.0 * share)).collect();
-    let most =
-        shares.iter().chain(&[100.0 * fit.expected.iter().copied().fold(0.0, f64::max)]).copied().fold(0.0, f64::max);
-    Figure {
-        title: capital(fit.name),
-        x: Scale::around(fit.unit, fit.range[0], fit.range[1]),
-        y: Scale::around("draws, %", 0.0, most),
-        lines: vec![Line::new("law", ORANGE, Stroke::Solid, line)],
-        bars: vec![Bars::standing("drawn", BLUE, fit.range[0], step, &shares)],
-    }
-}
-
-fn capital(words: &str) -> String {
-    let mut letters = words.chars();
-    letters.next().map(|first| first.to_uppercase().collect::<String>() + letters.as_str()).unwrap_or_default()
-}
-
-/// Blues from light to dark, and the share of the fullest patch from which each begins.
-const SHADES: [([u8; 3], f64, &str); 5] = [
-    ([222, 235, 247], 0.0, "some"),
-    ([158, 202, 225], 0.125, "⅛ of the most"),
-    ([107, 174, 214], 0.25, "¼"),
-    ([49, 130, 189], 0.5, "½"),
-    ([8, 69, 148], 0.75, "¾"),
-];
-
-fn orientations(report: &Report) -> Section {
-    let coverage = &report.coverage;
-    let map = |title: &str, count: fn(&Tally) -> u64| {
-        let most = coverage.patches.iter().map(count).max().unwrap_or_default().max(1) as f64;
-        let shade = |at: usize| {
-            let ([r, g, b], from, name) = SHADES[at];
-            let to = SHADES.get(at + 1).map_or(f64::INFINITY, |next| next.1);
-            let is_of = |patch: &Tally| count(patch) > 0 && (from..to).contains(&(count(patch) as f64 / most));
-            let place = |at: usize| {
-                let (row, column) = ((at / AZIMUTHS) as f64, (at % AZIMUTHS) as f64);
-                let (wide, high) = (360.0 / AZIMUTHS as f64, 2.0 / HEIGHTS as f64);
-                [column * wide, (column + 1.0) * wide, -1.0 + row * high, -1.0 + (row + 1.0) * high]
-            };
-            let bars = coverage.patches.iter().enumerate().filter(|(_, patch)| is_of(patch)).map(|(at, _)| place(at));
-            Bars { name: name.to_owned(), colour: Colour(r, g, b), bars: bars.collect() }
-        };
-        Figure {
-            title: title.to_owned(),
-            x: Scale::steps("azimuth of the approach, degrees", 0.0, 360.0, 60.0),
-            y: Scale::steps("its z: −1 straight down", -1.0, 1.0, 0.5),
-            lines: vec![Line::new("", GREY, Stroke::Dashed, vec![(0.0, 0.0), (360.0, 0.0)])],
-            bars: (0..SHADES.len()).map(shade).collect(),
-        }
-    };
-    let text = format!(
-        "Directions of the approach on {} patches of the sphere, all of one size: from {} of them something was tried, from {} \
-         something held. Blank patches are empty.",
-        coverage.patches.len(),
-        percent(coverage.tried()),
-        percent(coverage.held())
-    );
-    let pictures = vec![
-        Picture::figure(map("Tried", |patch| patch.attempts), "All attempts."),
-        Picture::figure(map("Held", |patch| patch.positives), "Attempts that held."),
-    ];
-    ("Coverage of orientations", text, vec![Block::Figures(pictures)])
 }
 
 fn sizes(report: &Report) -> Section {

@@ -1,13 +1,9 @@
 //! What a dataset holds, in numbers: computed from its rows in one pass, never from what the manifest says.
 
 mod bins;
-pub(crate) mod coverage;
-pub(crate) mod goodness_of_fit;
 mod warnings;
 
 pub use bins::Bin;
-pub use coverage::Coverage;
-pub use goodness_of_fit::{Fit, Law};
 
 use std::collections::BTreeMap;
 
@@ -17,7 +13,6 @@ use serde::Serialize;
 use shards::{Dataset, RejectionCounts, Table, Tally};
 
 use self::bins::{bin, bins};
-use self::goodness_of_fit::Fits;
 
 /// The statistics of a dataset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -53,10 +48,8 @@ pub struct Report {
     /// From the target's centre to the nearest other object's, in metres; attempts on lone objects count in the last
     /// bar.
     pub neighbour_m: Vec<Bin>,
-    /// From where grasps come.
-    pub coverage: Coverage,
-    /// What was drawn, beside the laws it was drawn from.
-    pub fits: Vec<Fit>,
+    /// Objects of the catalogue, by model.
+    pub models: Vec<ModelCount>,
     /// Attempts whose grasp lies outside the grid; no voxel can learn from them.
     pub outside_grid: Tally,
     /// Scenes thrown away.
@@ -73,6 +66,15 @@ pub struct Group {
     /// How many they are.
     #[serde(flatten)]
     pub labels: Tally,
+}
+
+/// How often a model is there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ModelCount {
+    /// Its name.
+    pub name: String,
+    /// Objects of it.
+    pub objects: u64,
 }
 
 /// Attempts with an outcome.
@@ -136,8 +138,6 @@ struct Counting<'a> {
     angles: [Tally; 12],
     tips: [Tally; 8],
     neighbours: [Tally; 9],
-    coverage: Coverage,
-    fits: Fits,
     /// Objects by the number of their model.
     models: Vec<u64>,
     outside_grid: Tally,
@@ -159,8 +159,6 @@ impl<'a> Counting<'a> {
             angles: Default::default(),
             tips: Default::default(),
             neighbours: Default::default(),
-            coverage: Coverage::default(),
-            fits: Fits::new(free_extents_m(dataset), dropped(dataset)),
             models: vec![0; models.len()],
             outside_grid: Tally::default(),
             rejections: RejectionCounts::default(),
@@ -169,8 +167,6 @@ impl<'a> Counting<'a> {
 
     fn count_scene(&mut self, rows: &SceneRows) {
         self.rejections.count(rows.scene.rejections);
-        self.fits.count_dropped(rows.scene.dropped_count);
-        rows.objects.iter().filter_map(|object| object.shape.as_solid()).for_each(|of| self.fits.count_object(&of));
         for object in &rows.objects {
             if let Shape::Model(number) = object.shape.shape()
                 && let Some(count) = self.models.get_mut(usize::from(number))
@@ -207,10 +203,8 @@ impl<'a> Counting<'a> {
 
     /// Counts what takes the target and its neighbours to know.
     fn count_target(&mut self, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
-        self.coverage.count(attempt);
         let Some(target) = objects.get(attempt.object_id as usize) else { return };
         if let (Some(approach), Some(solid)) = (attempt.rule.approach.axis(), target.shape.as_solid()) {
-            self.fits.count_attempt(attempt, &solid);
             let tip_m = f64::from(attempt.depth_m + 0.5 * approach.of(solid.extents_m));
             self.tips[bin((tip_m - TIP_M_MIN) / TIP_BIN_M, self.tips.len())].count(attempt);
         }
@@ -222,7 +216,8 @@ impl<'a> Counting<'a> {
 
     fn finish(self) -> Report {
         let (info, manifest) = (self.dataset.info(), self.dataset.manifest());
-        let models = (!self.models.is_empty()).then(|| Fit::of_models(self.models));
+        let models = info.models.iter().zip(self.models);
+        let models = models.map(|(model, objects)| ModelCount { name: model.name.clone(), objects });
         let width_step = f64::from(info.opening_m_max()) / WIDTH_BINS as f64;
         let shapes = self.shapes.into_iter().map(|(shape, tally)| group(shape.name(&info.models), tally));
         let outcomes = self.outcomes.into_iter().map(|(outcome, (attempts, hits))| OutcomeGroup {
@@ -246,35 +241,12 @@ impl<'a> Counting<'a> {
             approach_deg: bins(&self.angles, 0.0, ANGLE_BIN_DEG),
             tip_depth_m: bins(&self.tips, TIP_M_MIN, TIP_BIN_M),
             neighbour_m: bins(&self.neighbours, 0.0, NEIGHBOUR_BIN_M),
-            coverage: self.coverage,
-            fits: self.fits.finish().into_iter().chain(models).collect(),
+            models: models.collect(),
             outside_grid: self.outside_grid,
             rejections: self.rejections,
             tables: Table::ALL.map(|table| size(self.dataset, table)).to_vec(),
         }
     }
-}
-
-/// Smallest and largest free extent that the config asks for, if it is one of our generator's and they are uniform:
-/// where wide objects are drawn anew they are not.
-fn free_extents_m(dataset: &Dataset) -> Option<[f64; 2]> {
-    let config = &dataset.info().config;
-    if config.get("spanned_share").is_some() {
-        return None;
-    }
-    let range = config.get("objects")?.get("size_m")?;
-    let range: [f64; 2] = serde_json::from_value(range.clone()).ok()?;
-    (range[0] < range[1]).then_some(range)
-}
-
-/// The law of the number of objects in a scene, if the config is one of our generator's. In packed scenes those that
-/// find no place are missing.
-fn dropped(dataset: &Dataset) -> Option<Fit> {
-    let config = &dataset.info().config;
-    let objects = config.get("objects")?;
-    let numbers: Vec<u64> = serde_json::from_value(objects.get("counts")?.clone()).ok()?;
-    let weights: Vec<f64> = serde_json::from_value(objects.get("count_weights")?.clone()).ok()?;
-    Fit::of_dropped(&numbers, &weights, config.get("packed").is_none_or(serde_json::Value::is_null))
 }
 
 /// Angle between the grasp's +z and straight down, in degrees.

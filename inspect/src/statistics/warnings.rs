@@ -5,7 +5,6 @@ use schema::Rule;
 use shards::Tally;
 
 use super::Report;
-use super::goodness_of_fit::MODELS;
 
 /// The usual range of the share of positives. The paper reports about one positive to three negatives for its rules: a
 /// quarter.
@@ -18,8 +17,8 @@ const REJECTED_SHARE_MAX: f64 = 0.1;
 const OUTSIDE_SHARE_MAX: f64 = 0.01;
 /// Objects of a catalogue that a warning names, at most.
 const RARE_MAX: usize = 5;
-/// p-value for a warning: once in a million datasets.
-const P_MIN: f64 = 1e-6;
+/// A model is rare by so many standard deviations of its number: chance in one of three million.
+const RARE_DEVIATIONS: f64 = 5.0;
 
 impl Report {
     /// Unusual properties of the dataset, one sentence each.
@@ -54,32 +53,26 @@ impl Report {
             warnings
                 .push(format!("{} of the grasps lie outside the grid: no voxel learns from them.", percent(outside)));
         }
-        for fit in self.fits.iter().filter(|fit| fit.complete) {
-            if let Some(test) = fit.chi_square().filter(|test| test.p < P_MIN) {
-                warnings.push(format!(
-                    "The {} does not follow its law: χ² = {:.1} with {} degrees of freedom.",
-                    fit.name, test.statistic, test.degrees
-                ));
-            }
-        }
         warnings.extend(self.missing_models());
         warnings
     }
 
     /// The objects of a catalogue that are rarer than they were drawn, if chance does not explain it.
     fn missing_models(&self) -> Option<String> {
-        let fit = self.fits.iter().find(|fit| fit.name == MODELS)?;
-        let test = fit.chi_square().filter(|test| test.p < P_MIN)?;
-        let expected = fit.total() as f64 / fit.counts.len() as f64;
-        let mut rare: Vec<_> = fit.counts.iter().zip(&self.shapes).filter(|(n, _)| (**n as f64) < expected).collect();
-        rare.sort_by_key(|(count, _)| **count);
-        let rare =
-            rare.iter().take(RARE_MAX).map(|(count, of)| format!("{} {count}", of.name)).collect::<Vec<_>>().join(", ");
-        Some(format!(
-            "The objects of the catalogue are not there as often as they were drawn: χ² = {:.1} with {} degrees of freedom; \
-             {expected:.1} of each are expected, the rarest are {rare}. They fell off the table, or their scenes were thrown away.",
-            test.statistic, test.degrees
-        ))
+        let all: u64 = self.models.iter().map(|model| model.objects).sum();
+        let expected = all as f64 / self.models.len() as f64;
+        let mut rare: Vec<_> = self.models.iter().collect();
+        rare.sort_by_key(|model| model.objects);
+        let rarest = rare.first().map_or(f64::INFINITY, |model| model.objects as f64);
+        let rare: Vec<String> =
+            rare.iter().take(RARE_MAX).map(|model| format!("{} {}", model.name, model.objects)).collect();
+        (rarest < expected - RARE_DEVIATIONS * expected.sqrt()).then(|| {
+            format!(
+                "The objects of the catalogue are not there as often as they were drawn: {expected:.1} of each are expected, the \
+                 rarest are {}. They fell off the table, or their scenes were thrown away.",
+                rare.join(", ")
+            )
+        })
     }
 }
 
@@ -91,7 +84,7 @@ fn is_of_the_paper(rule: &str) -> bool {
 mod tests {
     use shards::{Dataset, Draft};
 
-    use super::super::{Fit, Group, report};
+    use super::super::{Group, ModelCount, report};
     use super::*;
 
     /// A report without warnings.
@@ -107,8 +100,12 @@ mod tests {
         draft.finalize().unwrap();
         let mut report = report(&Dataset::open(folder.path()).unwrap()).unwrap();
         report.labels = Tally { attempts: 1200, positives: 300 };
-        report.fits.clear();
         report
+    }
+
+    fn models(counts: [u64; 4]) -> Vec<ModelCount> {
+        let model = |(name, objects): (&str, u64)| ModelCount { name: name.to_owned(), objects };
+        ["a", "b", "c", "d"].into_iter().zip(counts).map(model).collect()
     }
 
     #[test]
@@ -128,9 +125,8 @@ mod tests {
         );
         told(|r| r.rejections.unsettled = r.scenes, "50.0 %");
         told(|r| r.outside_grid.attempts = 60, "5.0 %");
-        told(|r| r.fits.push(Fit::of_models(vec![3, 66, 65, 66])), "the rarest are cuboid 3.");
-        let mut even = fine;
-        even.fits.push(Fit::of_models(vec![40, 61, 52, 47]));
+        told(|r| r.models = models([3, 66, 65, 66]), "the rarest are a 3, c 65, b 66, d 66.");
+        let even = Report { models: models([40, 61, 52, 47]), ..fine };
         assert_eq!(even.warnings(), Vec::<String>::new());
     }
 }

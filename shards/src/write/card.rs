@@ -3,8 +3,8 @@
 
 use std::fmt::Write as _;
 
-use program::text::{bytes, grouped, markdown_table, percent, ratio};
-use schema::{Approach, Outcome, Rule, Shape};
+use program::text::{grouped, percent, ratio};
+use schema::{Approach, Rule};
 
 use crate::format::summary::Manifest;
 use crate::{DatasetInfo, Table};
@@ -29,13 +29,20 @@ pub(crate) fn card(info: &DatasetInfo, manifest: &Manifest) -> String {
         version = info.code_version,
         seed = info.seed,
     );
-    let mut parts = vec![format!("# {TITLE}\n"), lead + "\n"];
-    parts.extend(statistics(manifest));
-    parts.extend(models(info));
-    parts.push("## Columns\n".to_owned());
+    let labels = totals.labels;
+    let held = format!(
+        "Positives : negatives = **{}** ({} of attempts held the object). `graspmill dataset report` has outcomes, rules, sizes and \
+         pictures.\n",
+        ratio(labels.positives, labels.negatives()),
+        percent(labels.positive_share())
+    );
+    let mut parts = vec![format!("# {TITLE}\n"), lead + "\n", held, "## Columns\n".to_owned()];
     for table in Table::ALL {
         parts.extend([format!("### {}\n", table.name()), table.described(info.form())]);
     }
+    let has = |approach: Approach| Rule::all().any(|rule| rule.approach == approach && totals.rule(rule).attempts > 0);
+    parts.extend(RULES.into_iter().filter(|(approach, _)| has(*approach)).map(|(_, text)| format!("{text}\n")));
+    parts.extend((!info.models.is_empty()).then(|| format!("{MODELS}\n")));
     parts.push(format!("## Conventions\n\n{CONVENTIONS}\n"));
     format!("{}\n{}\n{}", front_matter(manifest), parts.join("\n"), nested(READING))
 }
@@ -64,89 +71,29 @@ fn front_matter(manifest: &Manifest) -> String {
     text
 }
 
-/// The meaning of some columns for grasps along normals.
-const PROPOSED: &str = "\
-Rules that end in `_proposal` are hands that touch what the cameras saw of their target, from any side, and stand free there. Nothing but the pose is
-told of them: `approach_axis` and `closing_axis` are `proposal`, and the drawn values are 0.";
-
-const DISPLACED: &str = "\
-Rules that end in `_displaced` are hands that held another attempt of the same scene, moved and turned a little and executed again.";
-
-const JUDGED: &str = "\
-Rules that end in `_judged` are proposals that a judge, named by the digest of its weights in `meta/info.json`, held for the best of their scene.";
-
-const ALONG_NORMALS: &str = "\
-Rules that end in `_normal` are VGN's: the hand comes along the normal of a seen surface point, and several attempts in a row
-share the point. There `approach_axis` and `closing_axis` are `normal`, `depth_m` is how far behind the surface the finger tips end, and
-`turn_rad` is the yaw about the approach.";
-
-fn statistics(manifest: &Manifest) -> Vec<String> {
-    let totals = &manifest.totals;
-    let labels = totals.labels;
-    let name = |name: &str| format!("`{name}`");
-    let outcomes = Outcome::ALL.into_iter().map(|outcome| {
-        let count = totals.outcome(outcome);
-        let share = count as f64 / labels.attempts.max(1) as f64;
-        vec![name(outcome.name()), grouped(count), percent(share)]
-    });
-    let has = |rule: &Rule| totals.rule(*rule).attempts > 0;
-    let beyond: Vec<Rule> = Rule::all().skip(12).filter(has).collect();
-    let of_models = beyond.iter().any(|rule| matches!(rule.shape, Shape::Model(_)));
-    let by_axes = Rule::of_the_paper().into_iter().filter(|_| !of_models);
-    let rules = by_axes.chain(beyond.iter().copied()).map(|rule| {
-        let tally = totals.rule(rule);
-        vec![name(rule.name()), grouped(tally.attempts), percent(tally.positive_share())]
-    });
-    let tables = Table::ALL.into_iter().map(|table| {
-        let rows = manifest.shards.iter().map(|s| s.file(table).rows).sum();
-        vec![name(table.name()), grouped(rows), bytes(manifest.bytes(table))]
-    });
-    let (ratio, share) = (ratio(labels.positives, labels.negatives()), percent(labels.positive_share()));
-    let rejected = totals.rejections;
-    let table = |[what, first, second]: [&'static str; 3], rows: &mut dyn Iterator<Item = Vec<String>>| {
-        markdown_table(&[(what, false), (first, true), (second, true)], rows)
-    };
-    let mut parts = vec![
-        format!("## What is in it\n\nPositives : negatives = **{ratio}** ({share} of attempts held the object).\n"),
-        table(["outcome", "attempts", "share"], &mut outcomes.into_iter()),
-        table(["rule", "attempts", "positive"], &mut rules.into_iter()),
-    ];
-    for (approach, text) in [
-        (Approach::Normal, ALONG_NORMALS),
-        (Approach::Proposal, PROPOSED),
-        (Approach::Displaced, DISPLACED),
-        (Approach::Judged, JUDGED),
-    ] {
-        if beyond.iter().any(|rule| rule.approach == approach) {
-            parts.push(format!("{text}\n"));
-        }
-    }
-    parts.push(table(["table", "rows", "bytes"], &mut tables.into_iter()));
-    parts.push(format!(
-        "{} scenes were thrown away on the way: {} did not come to rest, {} lost every object, {} broke the physics.\n",
-        grouped(rejected.total()),
-        grouped(rejected.unsettled),
-        grouped(rejected.empty),
-        grouped(rejected.unstable),
-    ));
-    parts
-}
-
-/// The objects, if they are not primitives.
-fn models(info: &DatasetInfo) -> Option<String> {
-    let rows = info.models.iter().map(|model| {
-        let [x, y, z] = (model.extents_m * 1000.0).to_array();
-        vec![
-            format!("`{}`", model.name),
-            format!("{x:.1} × {y:.1} × {z:.1}"),
-            format!("{:.1}", model.mass_kg * 1000.0),
-            model.friction.to_string(),
-            model.parts.len().to_string(),
-        ]
-    });
-    let head = [("model", false), ("size, mm", true), ("mass, g", true), ("friction", true), ("parts", true)];
-    (!info.models.is_empty()).then(|| format!("## Objects\n\n{MODELS}\n\n{}", markdown_table(&head, rows)))
-}
+/// The meaning of some columns for grasps that no row of Appendix A drew.
+const RULES: [(Approach, &str); 4] = [
+    (
+        Approach::Normal,
+        "Rules that end in `_normal` are VGN's: the hand comes along the normal of a seen surface point, and several attempts in a row \
+         share the point. There `approach_axis` and `closing_axis` are `normal`, `depth_m` is how far behind the surface the finger tips \
+         end, and `turn_rad` is the yaw about the approach.",
+    ),
+    (
+        Approach::Proposal,
+        "Rules that end in `_proposal` are hands that touch what the cameras saw of their target, from any side, and stand free there. \
+         Nothing but the pose is told of them: `approach_axis` and `closing_axis` are `proposal`, and the drawn values are 0.",
+    ),
+    (
+        Approach::Displaced,
+        "Rules that end in `_displaced` are hands that held another attempt of the same scene, moved and turned a little and executed again.",
+    ),
+    (
+        Approach::Judged,
+        "Rules that end in `_judged` are proposals that a judge, named by the digest of its weights in `meta/info.json`, held for the best \
+         of their scene.",
+    ),
+];
 
 const MODELS: &str = "\
 The objects are models, and `shape` is a model's name. `models` in `meta/info.json` has them whole: mass, friction, and of each

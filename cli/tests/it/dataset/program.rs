@@ -50,8 +50,8 @@ fn a_report_is_a_page_that_holds_its_numbers_and_needs_nothing_else() {
         }
     }
     assert_eq!(html.matches("<svg class=\"scene\"").count(), 12);
-    let places = ["class=\"tiles\"", "class=\"warnings\"", ">Scenes</h2>", ">How attempts ended</h2>"]
-        .map(|word| html.find(word));
+    let places =
+        ["class=\"tiles\"", "class=\"fine\"", ">Scenes</h2>", ">How attempts ended</h2>"].map(|word| html.find(word));
     assert!(places.iter().all(Option::is_some) && places.is_sorted(), "the summary and scenes come first: {places:?}");
     assert!(html.contains(json["dataset_id"].as_str().unwrap()));
     for word in ["http://", "https://", "<script", "src=", "url("] {
