@@ -1,16 +1,13 @@
-//! Files of an object's labelled grasps: our own table with everything, and the forms that other programs read.
-//!
-//! docs/exporting.md has the frames; each form was read from the code of those who made it.
+//! Files of an object's labelled grasps: a table with everything, and what is said of the object. The package turns
+//! them into the forms that other programs read.
 
-mod foreign;
 mod given;
 mod page;
 mod stored;
 
 use report::view::flat_points;
-use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, StablePose, Vec3};
+use schema::{Gripper, ObjectGrasp, ObjectGrasps, Outcome, Pose, StablePose, Vec3};
 use serde_json::{Value, json};
-use settings::words;
 use shards::{PlainColumn, plain_table, pose_columns};
 
 use program::Failure;
@@ -19,53 +16,15 @@ pub use given::GivenGrasps;
 pub use page::browse_grasps;
 pub use stored::{grasp_sets, read_grasp_set};
 
-words! {
-    /// A file's form.
-    #[derive(PartialOrd, Ord)]
-    pub enum GraspFormat {
-        /// One row a grasp, with everything that is known of it.
-        Parquet = "parquet",
-        /// Isaac Sim's `isaac_grasp` 1.0 (YAML).
-        IsaacGrasp = "isaac_grasp",
-        /// GraspGen's JSON.
-        GraspGen = "graspgen",
-        /// MolmoSpaces' `grasps.npz`: the grasps that held.
-        MolmoSpaces = "molmospaces",
-        /// GraspNet's 17 numbers (`.npy`): the grasps that held.
-        GraspNet = "graspnet",
-    }
-}
+/// What the name of an object's table ends with.
+pub(crate) const TABLE: &str = ".parquet";
 
-impl GraspFormat {
-    /// What a file's name ends with after the object's.
-    #[must_use]
-    pub fn ending(self) -> &'static str {
-        match self {
-            Self::Parquet => ".parquet",
-            Self::IsaacGrasp => ".isaac_grasp.yaml",
-            Self::GraspGen => ".graspgen.json",
-            Self::MolmoSpaces => ".molmospaces.npz",
-            Self::GraspNet => ".graspnet.npy",
-        }
-    }
-
-    /// The bytes of an object's file; a pure function of the set.
-    ///
-    /// # Errors
-    /// [`Failure`] if a library fails to write into memory.
-    pub fn bytes(self, set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
-        match self {
-            Self::Parquet => table(set),
-            Self::IsaacGrasp => Ok(foreign::isaac_grasp(set).into_bytes()),
-            Self::GraspGen => Ok(foreign::graspgen(set).into_bytes()),
-            Self::MolmoSpaces => foreign::molmospaces(set),
-            Self::GraspNet => Ok(foreign::graspnet(set)),
-        }
-    }
-}
-
-/// One row a grasp. `free_on_table` has bit n set if the hand stays off the table in the n-th stable pose.
-fn table(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
+/// The bytes of `NAME.parquet`: one row a grasp, with everything that is known of it. `free_on_table` has bit n set if
+/// the hand stays off the table in the n-th stable pose.
+///
+/// # Errors
+/// [`Failure`] if a library fails to write into memory.
+pub fn grasps_table(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
     let grasps = &set.grasps;
     let poses: Vec<&Pose> = grasps.iter().map(|grasp| &grasp.object_from_grasp).collect();
     let real = |value: &dyn Fn(&ObjectGrasp) -> Option<f32>| PlainColumn::Real(grasps.iter().map(value).collect());
@@ -121,6 +80,13 @@ pub(super) fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f3
     (known > 0.0).then(|| free.max(0.0) / known)
 }
 
+/// From the base of the hand to its tips, along the approach: the flange's distance if the hand's file has it, else
+/// palm and fingers.
+fn base_to_tips_m(gripper: &Gripper) -> f32 {
+    let flange = gripper.flange_from_grasp.map(|flange_from_grasp| flange_from_grasp.position_m[2]);
+    flange.unwrap_or(gripper.finger_length_m + gripper.palm_length_m)
+}
+
 /// What is said of an object beside its grasps, as `NAME.json` has it.
 #[must_use]
 pub fn grasps_info(set: &ObjectGrasps) -> Value {
@@ -147,7 +113,7 @@ pub fn grasps_info(set: &ObjectGrasps) -> Value {
         },
         "test": set.test.name(),
         "gripper": set.gripper,
-        "base_to_tips_m": foreign::base_to_tips_m(&set.gripper),
+        "base_to_tips_m": base_to_tips_m(&set.gripper),
         "grasps": set.grasps.len(),
         "outcomes": outcomes,
         "coverage": set.coverage,

@@ -22,7 +22,7 @@ mod tsdf;
 mod view;
 
 pub use browse::browse;
-pub use grasps::{GivenGrasps, GraspFormat, browse_grasps, grasp_sets, grasps_info, read_grasp_set};
+pub use grasps::{GivenGrasps, browse_grasps, grasp_sets, grasps_info, grasps_table, read_grasp_set};
 pub use pictures::{scene_svg, spread};
 pub use statistics::{Bin, Group, ModelCount, OutcomeGroup, Report, TableSize, report};
 pub use tsdf::tsdf;

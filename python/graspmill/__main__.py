@@ -1,4 +1,5 @@
-"""The program: ``graspmill plan …``, or ``python -m graspmill plan …``. The export of datasets is Python's, all else native."""
+"""The program: ``graspmill plan …``, or ``python -m graspmill plan …``. The export of datasets and files of others' grasps
+are Python's, all else native."""
 
 from __future__ import annotations
 
@@ -19,8 +20,10 @@ def main() -> int:
     """Runs the command that the arguments name; returns its exit code."""
     if sys.argv[1:3] == ["dataset", "export"]:
         return _export(sys.argv[3:])
-    from graspmill import _native
+    from graspmill import _annotate_command, _native
 
+    if _annotate_command.is_ours(sys.argv[1:]):
+        return _annotate_command.run(sys.argv[3:])
     return _native.run_program(["graspmill", *sys.argv[1:]])
 
 

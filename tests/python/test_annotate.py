@@ -60,6 +60,53 @@ def test_grasps_of_others_are_labelled(tmp_path):
     assert list(again.outcome) == ["held"]
 
 
+@pytest.mark.parametrize("form", ["acronym", "graspgen", "isaac_grasp", "molmospaces", "graspnet", "parquet"])
+def test_files_of_others_are_labelled_by_the_program(form, tmp_path):
+    for package in ("h5py", "yaml"):
+        pytest.importorskip(package, reason=f"{package} is not installed: scripts/requirements.txt has it")
+    mesh = brick(tmp_path)
+    ending = {"acronym": "h5", "graspgen": "json", "isaac_grasp": "yaml", "molmospaces": "npz", "graspnet": "npy"}.get(form)
+
+    def annotate(*words):
+        command = [sys.executable, "-m", "graspmill", "objects", "annotate", mesh, "--gripper", "franka_hand", "--drops", "0"]
+        return subprocess.run([*map(str, [*command, *words])], cwd=tmp_path, capture_output=True, text=True)
+
+    options = [] if form == "parquet" else ["--format", form]
+    done = annotate("--grasps", "60", "--scale", "0.001", *options, "--out", "drawn")
+    assert done.returncode == 0, done.stderr
+    file = tmp_path / "drawn" / ("brick.parquet" if form == "parquet" else f"brick.{form}.{ending}")
+    # Three say how long a unit of the mesh is.
+    scale = [] if form in ("acronym", "graspgen", "isaac_grasp") else ["--scale", "0.001"]
+    done = annotate("--relabel", file, *scale, "--out", "again")
+    assert done.returncode == 0, done.stderr
+    drawn, again = (graspmill.ObjectGrasps.load(tmp_path / folder / "brick.parquet") for folder in ("drawn", "again"))
+    if form in ("molmospaces", "graspnet"):  # without labels, and only what held
+        assert again.info["agreement"] is None
+        drawn = drawn.subset(drawn.held)
+    else:
+        assert again.info["agreement"]["grasps"] == 60 and again.info["agreement"]["given_held"] == drawn.held.sum() > 10
+        # A pose that went through a matrix is off by rounding.
+        assert again.info["agreement"]["same"] >= 58 and again.info["agreement"]["kappa"] > 0.85
+    np.testing.assert_allclose(again.object_from_grasp, drawn.object_from_grasp, atol=2e-6)
+    assert again.scale_m == pytest.approx(0.001) and (again.held == drawn.held).mean() > 0.95
+    # The same once more.
+    assert annotate("--relabel", file, *scale, "--out", "again").returncode == 0
+
+
+def test_what_the_program_cannot_write_or_read_is_named(tmp_path):
+    mesh = brick(tmp_path)
+    (tmp_path / "a.npz").write_text("no")
+    for words, said in (
+        (["--format", "graspgen,stl"], "--format must be some of acronym, graspgen"),
+        (["--relabel", tmp_path / "a.npz"], "transforms"),
+        (["--relabel", tmp_path / "gone.json"], "gone.json"),
+        (["--relabel", tmp_path / "a.txt"], "must end with one of"),
+    ):
+        command = [sys.executable, "-m", "graspmill", "objects", "annotate", mesh, *words, "--out", tmp_path / "out"]
+        done = subprocess.run([*map(str, command)], capture_output=True, text=True)
+        assert done.returncode == 78 and said in done.stderr, done.stderr
+
+
 def test_only_what_holds_is_kept_where_that_is_asked_for():
     held = graspmill.annotate(BOX, grasps=50, held_only=True, drops=0, shares=(1, 0, 0))
     assert len(held) == 50 and held.held.all()

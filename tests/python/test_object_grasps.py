@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import subprocess
+import sys
 import zipfile
 
 import numpy as np
@@ -22,7 +23,6 @@ from grasp_sets import (
     refused,
     saved,
 )
-from programs import program
 
 BOX = "\n".join(
     [f"v {x} {y} {z}" for z in (-0.025, 0.025) for y in (-0.03, 0.03) for x in (-0.02, 0.02)]
@@ -140,10 +140,11 @@ def test_a_set_goes_from_format_to_format(tmp_path):
 def annotated(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     (folder / "box.obj").write_text(BOX)
-    forms = ",".join(form for form in FORMATS if form != "acronym")
+    for package in ("h5py", "yaml"):
+        pytest.importorskip(package, reason=f"{package} is not installed: scripts/requirements.txt has it")
     words = ["objects", "annotate", "box.obj", "--gripper", request.param, "--grasps", "120", "--drops", "10"]
-    words += ["--scale", "1", "--margins", "--repeats", "2", "--format", forms, "--out", "grasps"]
-    done = subprocess.run([program("graspmill"), *words], cwd=folder, capture_output=True, text=True)
+    words += ["--scale", "1", "--margins", "--repeats", "2", "--format", ",".join(FORMATS), "--out", "grasps"]
+    done = subprocess.run([sys.executable, "-m", "graspmill", *words], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return folder / "grasps", request.param
 
@@ -178,51 +179,16 @@ def test_a_set_of_the_program_is_its_parquet(annotated):
     assert (contacts[grasps.held, 0, 1] < contacts[grasps.held, 1, 1]).mean() > 0.95
 
 
-@pytest.mark.parametrize("form", [form for form in FORMATS if form != "acronym"])
-def test_the_programs_files_are_its_parquet_and_what_python_writes(annotated, form, tmp_path):
+@pytest.mark.parametrize("form", FORMATS)
+def test_the_programs_files_are_those_of_its_set(annotated, form, tmp_path):
     needs(form)
-    folder, hand = annotated
-    grasps = ObjectGrasps.load(folder / "box.parquet")
-    path = folder / f"box.{form}.{ENDINGS[form]}"
-    told = read_grasps(path, gripper=hand if form == "isaac_grasp" else None)
-    want = grasps.subset(grasps.held) if form in ("molmospaces", "graspnet") else grasps
-    assert told.name == "box"
-    np.testing.assert_allclose(told.object_from_grasp, want.object_from_grasp, atol=1e-6)
-    if told.held is not None:
-        np.testing.assert_array_equal(told.held, want.held)
-        assert (told.file, told.scale_m) == (want.file, want.scale_m)
-    ours = again_of(grasps.save(tmp_path / path.name), form, hand)
-    for one in ("object_from_grasp", "width_m", "contacts_m", "score"):
-        np.testing.assert_allclose(getattr(ours, one), getattr(told, one), atol=1e-6, err_msg=one)
-    for key, value in told.info["gripper"].items():
-        assert ours.info["gripper"][key] == pytest.approx(value), key
-
-
-def again_of(path, form, hand):
-    return read_grasps(path, gripper=hand if form == "isaac_grasp" else None)
-
-
-def test_text_of_the_program_and_of_python_differs_only_in_the_last_digits(annotated, tmp_path):
-    yaml = pytest.importorskip("yaml")
     folder, _ = annotated
-    grasps = ObjectGrasps.load(folder / "box.parquet")
-
-    def flat(value, key=""):
-        if isinstance(value, dict):
-            return {k: v for name, inner in value.items() for k, v in flat(inner, f"{key}.{name}").items()}
-        if isinstance(value, list):
-            return {k: v for number, inner in enumerate(value) for k, v in flat(inner, f"{key}.{number}").items()}
-        return {key: value}
-
-    for form, loads in (("isaac_grasp", yaml.safe_load), ("graspgen", json.loads)):
-        theirs = flat(loads((folder / f"box.{form}.{ENDINGS[form]}").read_text()))
-        ours = flat(loads(grasps.save(tmp_path / f"box.{ENDINGS[form]}").read_text()))
-        assert list(ours) == list(theirs) or set(ours) == set(theirs)
-        for key, value in theirs.items():
-            if "orientation" in key:  # q and −q are the same rotation
-                assert abs(ours[key]) == pytest.approx(abs(value), abs=1e-6), key
-            else:
-                assert ours[key] == (pytest.approx(value, abs=1e-6) if isinstance(value, float) else value), key
+    path = folder / f"box.{form}.{ENDINGS[form]}"
+    saved = ObjectGrasps.load(folder / "box.parquet").save(tmp_path / path.name)
+    if form == "acronym":  # HDF5 has times
+        np.testing.assert_array_equal(read_grasps(saved).object_from_grasp, read_grasps(path).object_from_grasp)
+    else:
+        assert saved.read_bytes() == path.read_bytes()
 
 
 # What the readers of others ask.

@@ -1,6 +1,5 @@
 //! `graspmill objects annotate`: labelled grasps of objects alone, with a table of the results.
 
-use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::{Args, value_parser};
 use generator::{AnnotateParams, Annotated, GraspShares, annotate, relabel};
 use indicatif::{ProgressBar, ProgressStyle};
-use inspect::{GivenGrasps, GraspFormat, grasp_sets, grasps_info};
+use inspect::{GivenGrasps, grasp_sets, grasps_info, grasps_table};
 use program::text::percent;
 use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
 use report::document::{Block, Cell, Document, Table};
@@ -29,7 +28,7 @@ pub(crate) struct Arguments {
     #[arg(required = true, value_name = "MESH|FOLDER|CATALOGUE")]
     objects: Vec<PathBuf>,
 
-    /// Folder for an object's files: NAME.parquet, NAME.json, and NAME with the ending of each --format
+    /// Folder for an object's files: NAME.parquet, NAME.json, and NAME.FORMAT with an ending for each --format
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 
@@ -67,14 +66,16 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = value_parser!(u32).range(0..=10_000))]
     drops: u32,
 
-    /// Label the grasps of this file instead of drawing some, and say how far its labels agree: GraspGen's .json,
-    /// MolmoSpaces' .npz or GraspNet's .npy, of one object
+    /// Label the grasps of this file of one object instead of drawing some, and say how far its labels agree:
+    /// NAME.parquet, or with the Python package ACRONYM's .h5, GraspGen's .json, isaac_grasp's .yaml, MolmoSpaces' .npz
+    /// or GraspNet's .npy
     #[arg(long, value_name = "FILE", conflicts_with_all = ["grasps", "held_only", "shares"])]
     relabel: Option<PathBuf>,
 
-    /// Also write the grasps in these forms
-    #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_parser = format)]
-    format: Vec<GraspFormat>,
+    /// Also write the sets of --out in these forms, with the Python package: acronym, graspgen, isaac_grasp,
+    /// molmospaces, graspnet
+    #[arg(long, value_name = "FORMAT,...")]
+    format: Option<String>,
 
     /// Also write the pages of dataset browse into the folder pages of --out: each object with its grasps and replays
     #[arg(long)]
@@ -94,11 +95,6 @@ pub(crate) struct Arguments {
 
 fn test(text: &str) -> Result<GripTest, String> {
     GripTest::from_name(text).ok_or_else(|| format!("must be one of {}", GripTest::ALL.map(GripTest::name).join(", ")))
-}
-
-fn format(text: &str) -> Result<GraspFormat, String> {
-    let names = GraspFormat::ALL.map(GraspFormat::name).join(", ");
-    GraspFormat::from_name(text).ok_or_else(|| format!("must be one of {names}"))
 }
 
 /// Shares as others have them: ACRONYM samples between facing points without collisions; of GraspDataGen's guesses one
@@ -145,8 +141,12 @@ impl Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    if arguments.format.is_some() {
+        let text = "the program of the Python package writes --format: pip install graspmill[grasps], then run the same command";
+        return Err(Failure::new(ExitCode::Usage, text));
+    }
     let mut params = arguments.params(named(&arguments.gripper)?);
-    let given = arguments.relabel.as_deref().map(|path| GivenGrasps::read(path, &params.gripper)).transpose()?;
+    let given = arguments.relabel.as_deref().map(GivenGrasps::read).transpose()?;
     if let Some(given) = &given {
         params.grasps = given.object_from_grasps.len();
     }
@@ -197,12 +197,10 @@ fn one(
 ) -> Result<Option<Value>, Failure> {
     let name = object.object.body.name();
     let path = |ending: &str| arguments.out.join(format!("{name}{ending}"));
-    let formats: BTreeSet<GraspFormat> = arguments.format.iter().copied().chain([GraspFormat::Parquet]).collect();
     let settings = settings(object, params, given)?;
     let digest = network::checkpoint::digest(settings.to_string().as_bytes());
     let done = earlier(&path(".json"), &digest)?;
-    let is_whole = formats.iter().all(|format| path(format.ending()).exists());
-    if let Some(done) = done.filter(|_| is_whole) {
+    if let Some(done) = done.filter(|_| path(".parquet").exists()) {
         return Ok(Some(done));
     }
     let mut go_on = |made: usize| {
@@ -214,9 +212,7 @@ fn one(
         None => annotate(object, params, &mut go_on),
     };
     let Some(set) = set else { return Ok(None) };
-    for format in formats {
-        write(&path(format.ending()), format.bytes(&set)?)?;
-    }
+    write(&path(".parquet"), grasps_table(&set)?)?;
     let mut info = grasps_info(&set);
     info["agreement"] = given.and_then(|given| given.agreement(&set)).unwrap_or_default();
     info["settings"] = settings;

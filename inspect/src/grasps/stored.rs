@@ -13,11 +13,11 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use shards::{PlainColumn, read_plain_table};
 
-use super::{CONTACTS, GraspFormat};
+use super::{CONTACTS, TABLE};
 
 /// The largest `NAME.json` that is read, and the most grasps.
 const INFO_BYTES_MAX: u64 = 1 << 24;
-const GRASPS_MAX: usize = 1_000_000;
+pub(super) const GRASPS_MAX: usize = 1_000_000;
 
 /// The names of the sets in a folder, in order.
 ///
@@ -28,8 +28,7 @@ pub fn grasp_sets(folder: &Path) -> Result<Vec<String>, Failure> {
     let entries = std::fs::read_dir(folder).context(failed())?;
     let names = entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
     let names: Vec<String> = names.collect::<std::io::Result<_>>().context(failed())?;
-    let ending = GraspFormat::Parquet.ending();
-    let stems = names.iter().filter_map(|name| name.strip_suffix(ending));
+    let stems = names.iter().filter_map(|name| name.strip_suffix(TABLE));
     let mut sets: Vec<String> =
         stems.filter(|stem| names.contains(&format!("{stem}.json"))).map(str::to_owned).collect();
     sets.sort();
@@ -90,7 +89,7 @@ pub fn read_grasp_set(folder: &Path, name: &str) -> Result<ObjectGrasps, Failure
         probability: one.probability,
     };
     let stable_poses: Vec<StablePose> = info.stable_poses.into_iter().map(stable).collect();
-    let path = folder.join(format!("{name}{}", GraspFormat::Parquet.ending()));
+    let path = folder.join(format!("{name}{TABLE}"));
     let columns: BTreeMap<String, PlainColumn> = read_plain_table(&path, GRASPS_MAX)?.into_iter().collect();
     let grasps = grasps(&columns, stable_poses.len()).map_err(|text| wrong(text, &path))?;
     Ok(ObjectGrasps {
@@ -116,23 +115,42 @@ fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
         .map_err(|error| format!("the file must be one of graspmill objects annotate: {error}"))
 }
 
+fn missing(name: &str) -> String {
+    format!("the table must have the column {name}")
+}
+
+fn real<'a>(columns: &'a BTreeMap<String, PlainColumn>, name: &str) -> Result<&'a [Option<f32>], String> {
+    match columns.get(name) {
+        Some(PlainColumn::Real(values)) => Ok(values),
+        _ => Err(missing(name)),
+    }
+}
+
+/// The poses of a table's grasps.
+pub(super) fn poses(columns: &BTreeMap<String, PlainColumn>) -> Result<Vec<Pose>, String> {
+    let names = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"];
+    let place = names.iter().map(|name| real(columns, name)).collect::<Result<Vec<_>, _>>()?;
+    let at = |row: usize| {
+        let number = |column: &&[Option<f32>]| column.get(row).copied().flatten().filter(|number| number.is_finite());
+        let at = place.iter().map(number).collect::<Option<Vec<f32>>>().ok_or("a grasp must have a pose")?;
+        Ok(pose([at[0], at[1], at[2]], [at[3], at[4], at[5], at[6]]))
+    };
+    (0..place[0].len()).map(at).collect()
+}
+
 fn pose(position_m: [f32; 3], [x, y, z, w]: [f32; 4]) -> Pose {
     Pose::from_parts(Vec3::from_array(position_m), Quat::from_xyzw(x, y, z, w))
 }
 
 /// The rows of the table.
 fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Result<Vec<ObjectGrasp>, String> {
-    let missing = |name: &str| format!("the table must have the column {name}");
-    let real = |name: &str| match columns.get(name) {
-        Some(PlainColumn::Real(values)) => Ok(values.as_slice()),
-        _ => Err(missing(name)),
-    };
+    let real = |name: &str| real(columns, name);
     let text = |name: &str| match columns.get(name) {
         Some(PlainColumn::Text(values)) => Ok(values.as_slice()),
         _ => Err(missing(name)),
     };
     let all = |names: &[&str]| names.iter().map(|name| real(name)).collect::<Result<Vec<_>, _>>();
-    let place = all(&["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"])?;
+    let place = poses(columns)?;
     let contacts = [all(&CONTACTS[0])?, all(&CONTACTS[1])?];
     let (sources, outcomes, width) = (text("source")?, text("outcome")?, real("width_m")?);
     let motions = all(&["closing_moved_m", "closing_turned_rad", "test_moved_m", "test_turned_rad"])?;
@@ -140,11 +158,9 @@ fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Resul
     let Some(PlainColumn::Whole(free)) = columns.get("free_on_table") else { return Err(missing("free_on_table")) };
     let vector = |of: &[&[Option<f32>]], row: usize| Some(Vec3::new(of[0][row]?, of[1][row]?, of[2][row]?));
     let grasp = |row: usize| {
-        let number = |column: usize| place[column][row].filter(|number| number.is_finite());
-        let at = (0..7).map(number).collect::<Option<Vec<f32>>>().ok_or("a grasp must have a pose")?;
         let motion = |first: usize| Some((motions[first][row]?, motions[first + 1][row]?));
         Ok(ObjectGrasp {
-            object_from_grasp: pose([at[0], at[1], at[2]], [at[3], at[4], at[5], at[6]]),
+            object_from_grasp: place[row],
             source: GraspSource::from_name(&sources[row]).ok_or("a source must be known")?,
             outcome: Outcome::from_name(&outcomes[row]).ok_or("an outcome must be known")?,
             width_m: width[row],
@@ -165,7 +181,7 @@ fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Resul
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grasps::{grasps_info, table};
+    use crate::grasps::{grasps_info, grasps_table};
 
     fn set() -> ObjectGrasps {
         let corner = |c: u8| Vec3::new(f32::from(c & 1), f32::from(c >> 1 & 1), f32::from(c >> 2 & 1)) * 0.05;
@@ -213,11 +229,11 @@ mod tests {
         let info = grasps_info(&set).to_string();
         write("cube.json", info.as_bytes());
         write("other.json", b"{}");
-        write("cube.parquet", &table(&set).unwrap());
+        write("cube.parquet", &grasps_table(&set).unwrap());
         assert_eq!(grasp_sets(place.path()).unwrap(), ["cube"]);
         let read = read_grasp_set(place.path(), "cube").unwrap();
         assert_eq!(read.grasps, set.grasps);
-        assert_eq!(table(&read).unwrap(), table(&set).unwrap());
+        assert_eq!(grasps_table(&read).unwrap(), grasps_table(&set).unwrap());
         // A hull that is made again may have its corners in another order.
         let without_parts = |set: &ObjectGrasps| {
             let mut info = grasps_info(set);
