@@ -29,10 +29,9 @@ say "4/6 training"
 say "5/6 evaluating the best checkpoint on attempts that it has not seen"
 "$bin/trainer" evaluate --data "$data" --run "$run" --checkpoint best
 
-say "6/6 pages, and a plan by the built-in judge for what a camera would see of scene 7"
+say "6/6 pages, and a plan by the built-in judge of images that come with it"
 "$bin/shards" browse "$data" --out "$folder/pages"
-"$bin/generator" depth "$data" --scene 7 --views 3 --out "$folder/scene-7"
-"$bin/planner" plan --views "$folder/scene-7/views.toml" --out "$folder/plan.json" --html "$folder/plan.html"
+"$bin/planner" plan --demo --out "$folder/plan.json" --html "$folder/plan.html"
 
 say "done in $((SECONDS - start)) s; open these"
 cat <<END

@@ -15,7 +15,6 @@ const ALIASES: [Alias; 5] = [
         program: "generator",
         commands: &[
             ("annotate", &["objects", "annotate"]),
-            ("depth", &["dataset", "depth"]),
             ("finalize", &["dataset", "finalize"]),
             ("gc", &["dataset", "gc"]),
             ("import-objects", &["objects", "import"]),

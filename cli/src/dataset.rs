@@ -1,7 +1,6 @@
 //! `graspmill dataset`: look at datasets, and take care of their files.
 
 pub(crate) mod browse;
-mod depth;
 mod export;
 mod finalize;
 mod gc;
@@ -9,7 +8,6 @@ mod missing;
 mod repeat;
 mod replay;
 mod report;
-mod tsdf;
 mod verify;
 mod view;
 
@@ -27,8 +25,6 @@ pub(crate) enum Command {
     Browse(browse::Arguments),
     Replay(replay::Arguments),
     Repeat(repeat::Arguments),
-    Depth(depth::Arguments),
-    Tsdf(tsdf::Arguments),
     Export(export::Arguments),
     Missing(missing::Arguments),
     Finalize(finalize::Arguments),
@@ -45,8 +41,6 @@ Examples:
   graspmill dataset browse mugs --out pages     objects of objects annotate with their grasps, as such pages
   graspmill dataset view grasps --scene 17 --out scene.html   one scene in 3-D, for a browser
   graspmill dataset replay grasps --attempt 7/12 --out attempt.html    one attempt, for a browser
-  graspmill dataset tsdf grasps --scene 17 --out scene.npy    its voxel grid, for graspmill plan --tsdf
-  graspmill dataset depth grasps --scene 7 --out scene-7 && graspmill plan --views scene-7/views.toml
   graspmill dataset verify s3://bucket/grasps   the same in an object store
   graspmill dataset missing grasps              the shards that remain to be made
   graspmill dataset finalize grasps             completes it when all shards exist";
@@ -60,8 +54,6 @@ impl Command {
             Self::Browse(arguments) => browse::run(arguments),
             Self::Replay(arguments) => replay::run(arguments),
             Self::Repeat(arguments) => repeat::run(arguments),
-            Self::Depth(arguments) => depth::run(arguments),
-            Self::Tsdf(arguments) => tsdf::run(arguments),
             Self::Export(_) => export::run(),
             Self::Missing(arguments) => missing::run(arguments),
             Self::Finalize(arguments) => finalize::run(arguments),

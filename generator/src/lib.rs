@@ -37,7 +37,7 @@ pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ObjectParams, Overrides, PackedParams, RuleClosing, Sampler};
 pub use containers::{ContainerParams, container_faults, draw_container, room_m};
 pub use dataset_info::{bodies_of, physics_of};
-pub use depth_images::write_depth_images;
+pub use depth_images::depth_images;
 pub use import::{
     FileState, ImportParams, Imported, ImportedObject, LeftOut, Source, TestDrops, import_objects, sources,
 };

@@ -11,19 +11,16 @@
 
 mod browse;
 mod grasps;
-mod npy;
 mod page;
 mod pictures;
 mod statistics;
 #[cfg(test)]
 #[path = "../../tests/support/synthetic.rs"]
 mod synthetic;
-mod tsdf;
 mod view;
 
 pub use browse::browse;
 pub use grasps::{GivenGrasps, browse_grasps, grasp_sets, grasps_info, grasps_table, read_grasp_set};
 pub use pictures::{scene_svg, spread};
 pub use statistics::{Bin, Group, ModelCount, OutcomeGroup, Report, TableSize, report};
-pub use tsdf::tsdf;
 pub use view::scene_view;

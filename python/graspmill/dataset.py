@@ -182,6 +182,11 @@ class StoredScene:
     rules: list[str]
     _dataset: _native.Dataset
 
+    def depth_images(self) -> list[NDArray[np.float32]]:
+        """What each camera saw, ``[height, width]``, in metres along its z, 0 where it saw nothing: the images that the
+        TSDF was made of, with the noise of the dataset's sensor. ``scene.render(camera)`` has none."""
+        return self._dataset.depth_images(self.scene_id)
+
     def replay(self, attempt_id: int) -> Page:
         """A page with an animation of an attempt, which is executed again."""
         number = _arrays.whole("attempt_id", attempt_id, 0, max(len(self.outcomes) - 1, 0))

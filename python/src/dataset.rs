@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
 use std::{mem, process};
 
-use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
+use generator::{AttemptId, Config, Overrides, bodies_of, depth_images, physics_of, replay};
 use inspect::scene_view;
 use network::head::Head;
 use network::upsampling::Upsampling;
@@ -13,7 +13,9 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict};
-use schema::{AttemptRecord, CameraParams, HitKind, Intrinsics, Polyhedron, Pose, SceneRows, SettleParams, samples_of};
+use schema::{
+    AttemptRecord, CameraParams, DepthImage, HitKind, Intrinsics, Polyhedron, Pose, SceneRows, SettleParams, samples_of,
+};
 use shards::{Location, Table};
 use simulator::Body;
 use trainer::config::{SplitBy, SplitConfig, Targets};
@@ -288,6 +290,14 @@ impl Dataset {
         };
         let Intrinsics { width_px, height_px, fx_px, fy_px, cx_px, cy_px } = camera.intrinsics();
         Ok([width_px as f32, height_px as f32, fx_px, fy_px, cx_px, cy_px])
+    }
+
+    /// The depth images of a scene, `[height, width]` each, in metres.
+    fn depth_images<'py>(&self, py: Python<'py>, scene_id: u64) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
+        let rows = self.scene_rows(py, scene_id)?;
+        let images = free(py, || on_threads(0, || depth_images(self.dataset.info(), &rows))?)?;
+        let array = |image: DepthImage| array(py, image.depth_m)?.reshape([image.height_px, image.width_px]);
+        images.into_iter().map(array).collect()
     }
 
     /// Reads and checks everything: problems, and how many more there are than those.

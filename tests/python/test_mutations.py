@@ -36,13 +36,11 @@ COMMANDS = [
     "shards report {data} --html {out}/report.html",
     "shards view {data} --scene 7 --json",
     "shards view {data} --scene 2 --out {out}/scene.html",
-    "shards tsdf {data} --scene 6 --out {out}/scene.npy",
     "graspmill dataset export {data} --format vgn --out {out}/vgn",
     "graspmill dataset export {data} --format parquet --out {out}/plain",
     "graspmill dataset export {data} --format mjcf --scenes 6 --out {out}/scenes",
     "generator repeat {data}",
     "generator replay {data} --attempt 7/3",
-    "generator depth {data} --scene 2 --out {out}/depth",
     "generator missing {data}",
     "generator finalize {data}",
     "generator gc {data}",
@@ -146,7 +144,7 @@ def test_a_mutant_that_is_only_mended_is_the_dataset(tmp_path):
 def test_stored_settings_are_held_to_the_configs_ranges(tmp_path, key, value):
     mutant = Mutant(DATASET, tmp_path / "data")
     mutant.set_info(key, value)
-    for line in ("shards verify {data}", "generator repeat {data}", "generator depth {data} --scene 2 --out {out}"):
+    for line in ("shards verify {data}", "generator repeat {data}"):
         name, *words = line.split()
         # That of the package has the exports.
         called = [sys.executable, "-m", name] if name == "graspmill" else [program(name)]

@@ -109,6 +109,23 @@ def test_depth_images_and_tsdf_are_those_of_the_generator(dataset, scene):
     assert np.isclose(depth[240, 320], 0.5, atol=1e-4) and np.isclose(depth[5, 5], 0.55, atol=1e-4)
     stored = dataset[0]
     assert np.abs(stored.scene.tsdf(stored.cameras) - stored.tsdf).max() < 1e-3
+    images = stored.depth_images()
+    assert len(images) == len(stored.cameras)
+    assert all(np.array_equal(image, stored.scene.render(camera)) for image, camera in zip(images, stored.cameras))
+
+
+def test_depth_images_have_the_noise_of_the_datasets_sensor(tmp_path):
+    config = Path(__file__).parents[2] / "configs/generate/judge.toml"
+    settings = {"sensor.noise": ["d435"], "sensor.noise_weights": [1.0], "shares.judged": 0.0, "shares.proposals": 0.4, "view_kinds": []}
+    dataset = graspmill.generate(tmp_path / "data", config, shards=1, attempts=60, seed=31, settings=settings)
+    stored = dataset[0]
+    images = stored.depth_images()
+    assert all(np.array_equal(image, again) for image, again in zip(images, stored.depth_images()))
+    for image, camera in zip(images, stored.cameras):
+        off_m = np.abs(image - stored.scene.render(camera))[image > 0]
+        assert 0 < np.median(off_m) < 0.01
+    assert np.abs(graspmill.tsdf(images, stored.cameras) - stored.tsdf).mean() < 0.05
+
 
 
 def test_cameras_of_opengl_look_the_other_way():

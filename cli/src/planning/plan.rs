@@ -323,7 +323,8 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
 /// A robot's planner reads no datasets.
 fn no_dataset(dataset: &str) -> Result<String, String> {
     Err(format!(
-        "the planner reads no datasets: graspmill dataset tsdf {dataset} --scene N --out scene.npy, then --tsdf scene.npy"
+        "the planner reads no datasets: in Python numpy.save(\"scene.npy\", graspmill.Dataset(\"{dataset}\")[N].tsdf), then --tsdf \
+         scene.npy"
     ))
 }
 
@@ -353,7 +354,7 @@ Examples:
   graspmill plan --demo --html demo.html
   graspmill plan --views views.toml --check-collisions --out plan.json
   graspmill plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain
-  graspmill dataset tsdf grasps --scene 7 --out scene.npy && graspmill plan --tsdf scene.npy --config paper
+  graspmill plan --tsdf scene.npy --config paper
   graspmill plan --demo --out plan.json --ply cloud.ply && python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
   graspmill gripper franka_hand --picture hand.svg
   graspmill serve --port 8040

@@ -1,7 +1,6 @@
 //! The program as a user runs it.
 
 mod page;
-mod stored_scene;
 
 use std::fs;
 use std::path::{Path, PathBuf};

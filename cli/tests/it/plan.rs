@@ -136,7 +136,7 @@ fn bad_input_is_named_with_its_place_and_code() {
     refused(&["--demo", "--model", "nowhere.safetensors"], 78, "nowhere.safetensors");
     refused(&["--demo", "--config", "nowhere.toml"], 78, "nowhere.toml");
     refused(&["--demo", "--out", "/nowhere/plan.json"], 78, "/nowhere/plan.json");
-    refused(&["--dataset", "grasps", "--scene", "7"], 2, "graspmill dataset tsdf grasps --scene N --out scene.npy");
+    refused(&["--dataset", "grasps", "--scene", "7"], 2, "graspmill.Dataset(\"grasps\")[N].tsdf");
 }
 
 #[test]
