@@ -21,7 +21,7 @@ use self::bearing::{G_M_S2, HOLD, loads, sides};
 pub use self::bearing::{PHYSICS, PROCEDURE};
 use self::draw::{Draw, Supply};
 pub use self::params::{AnnotateParams, Annotated, GraspShares};
-pub use self::replay::grasp_replays;
+pub use self::replay::{GraspReplay, grasp_replays};
 use self::stable::stable_poses;
 use self::surface::Surface;
 use crate::catalogue::CatalogueObject;

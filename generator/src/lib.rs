@@ -25,13 +25,15 @@ mod normals;
 mod objects;
 mod packed;
 mod policy;
-mod recorder;
+pub mod recorder;
 mod repeat;
 mod replay;
 mod robustness;
 mod run;
 
-pub use annotate::{AnnotateParams, Annotated, GraspShares, PHYSICS, PROCEDURE, annotate, grasp_replays, relabel};
+pub use annotate::{
+    AnnotateParams, Annotated, GraspReplay, GraspShares, PHYSICS, PROCEDURE, annotate, grasp_replays, relabel,
+};
 pub use build::{NoScene, Stage, make_scene, make_scene_watched};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ObjectParams, Overrides, PackedParams, RuleClosing, Sampler};
@@ -46,5 +48,5 @@ pub use objects::{draw_drops, draw_release};
 pub use packed::draw_packed;
 pub use policy::Policy;
 pub use repeat::{Difference, Repeated, repeat};
-pub use replay::{AttemptId, Replay, packed_replays, replay};
+pub use replay::{AttemptId, Replay, replay, replays};
 pub use run::{Event, LOOK_SHARDS_MAX, REJECTED_SHARE_MAX, Rejected, Report, Stopped, attempts_of, generate};

@@ -1,20 +1,84 @@
 //! Records an attempt for display: poses at up to sixty frames per second, events, and contacts.
 
-use report::view::{Class, Event, EventKind, Frame, Line, View, flat_points};
-use schema::{Gripper, HitKind, Outcome, Physics, Pose, Procedure, Vec3};
-use simulator::{AttemptEvent, Contact, ContactBody, Execution, Moment, Phase, Watcher};
+use schema::{Gripper, HandBox, HitKind, Outcome, Physics, Pose, Procedure, Vec3};
+use simulator::{AttemptEvent, Contact, ContactBody, Execution, Moment, Obstruction, Phase, Watcher};
 
 /// Frames a second.
 const FRAME_RATE_HZ: f32 = 60.0;
 /// Displayed duration of the approach; the gate itself simulates no time.
 const APPROACH_TIME_S: f32 = 0.6;
 
-/// All poses in one frame.
-#[derive(Debug, Clone)]
-pub(crate) struct Shot {
-    pub(crate) objects: Vec<Pose>,
-    /// Poses of the boxes of the open hand.
-    pub(crate) hand: [Pose; 3],
+/// Names of the boxes of the hand.
+pub const HAND: [&str; 3] = ["left finger", "right finger", "palm"];
+
+/// What happened in an attempt, for whoever shows it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Recording {
+    /// All poses, frame by frame.
+    pub frames: Vec<Frame>,
+    /// What happened, in order.
+    pub events: Vec<Event>,
+    /// Where bodies touched.
+    pub contacts: Vec<Touch>,
+    /// What the gate tested, if it stopped the hand.
+    pub blocked: Option<Blocked>,
+}
+
+/// All poses at a time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Seconds since the first frame.
+    pub time_s: f32,
+    /// Of the objects.
+    pub objects: Vec<Pose>,
+    /// Of the boxes of the open hand.
+    pub hand: [Pose; 3],
+}
+
+/// Something that happened at a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// The frame.
+    pub frame: usize,
+    /// Its kind.
+    pub kind: EventKind,
+    /// Its text.
+    pub text: String,
+}
+
+/// Kinds of events.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EventKind {
+    /// A phase begins and lasts until the next.
+    Phase,
+    /// A note.
+    Note,
+    /// The decision that a grasp holds.
+    Held,
+    /// The decision that it does not hold.
+    Failed,
+}
+
+/// A contact in a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Touch {
+    /// The frame.
+    pub frame: usize,
+    /// What touches, and with which force.
+    pub label: String,
+    /// Where.
+    pub points_m: Vec<Vec3>,
+}
+
+/// What stopped the hand on its way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Blocked {
+    /// What was hit, by which part of the hand, and when.
+    pub label: String,
+    /// Where.
+    pub point_m: Vec3,
+    /// The boxes that the gate tested, in the frame of the grasp: the open hand or its sweep, with the clearance.
+    pub boxes: [HandBox; 3],
 }
 
 /// A recording of an attempt.
@@ -26,10 +90,7 @@ pub(crate) struct Recorder<'a> {
     target: usize,
     /// The scene at rest.
     at_rest: Vec<Pose>,
-    /// Frames, events and contacts.
-    pub(crate) view: View,
-    /// The poses in each frame.
-    pub(crate) shots: Vec<Shot>,
+    pub(crate) recording: Recording,
     phase: Option<Phase>,
     /// Time at which the open hand was at the grasp, and the step of the last frame since then.
     grasp_time_s: f32,
@@ -53,8 +114,7 @@ impl<'a> Recorder<'a> {
             workspace_from_grasp,
             target,
             at_rest,
-            view: View::new(String::new()),
-            shots: Vec::new(),
+            recording: Recording::default(),
             phase: None,
             grasp_time_s: 0.0,
             shot_steps: None,
@@ -62,9 +122,10 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Adds frames of the open hand moving `travel_m` from the pre-grasp.
-    pub(crate) fn approach(&mut self, travel_m: f32) {
+    /// Adds frames of the open hand moving from the pre-grasp to the grasp or what stops it.
+    pub(crate) fn approach(&mut self, obstruction: Option<&Obstruction>) {
         let distance_m = self.pregrasp_distance_m;
+        let travel_m = obstruction.map_or(distance_m, |obstruction| obstruction.travel_m);
         self.happens(EventKind::Phase, "approach");
         self.happens(
             EventKind::Note,
@@ -77,7 +138,12 @@ impl<'a> Recorder<'a> {
             let pose = self.workspace_from_grasp * Pose::from_translation(Vec3::Z * (gone_m - distance_m));
             self.still(frame as f32 / FRAME_RATE_HZ, [pose; 3]);
         }
-        self.grasp_time_s = self.view.frames.last().map_or(0.0, |frame| frame.time_s);
+        self.grasp_time_s = self.recording.frames.last().map_or(0.0, |frame| frame.time_s);
+        if let Some(obstruction) = obstruction {
+            let blocked = blocked(self.gripper, distance_m, obstruction);
+            self.happens(EventKind::Note, blocked.label.clone());
+            self.recording.blocked = Some(blocked);
+        }
     }
 
     /// Adds frames of free fingers closing for some steps, which are not simulated.
@@ -96,12 +162,7 @@ impl<'a> Recorder<'a> {
     }
 
     fn still(&mut self, time_s: f32, hand: [Pose; 3]) {
-        self.add(time_s, Shot { objects: self.at_rest.clone(), hand });
-    }
-
-    fn add(&mut self, time_s: f32, shot: Shot) {
-        self.view.frames.push(Frame { time_s });
-        self.shots.push(shot);
+        self.recording.frames.push(Frame { time_s, objects: self.at_rest.clone(), hand });
     }
 
     /// Adds a frame, unless the last frame was of the same step.
@@ -111,16 +172,15 @@ impl<'a> Recorder<'a> {
         }
         self.shot_steps = Some(moment.steps);
         let time_s = self.grasp_time_s + moment.steps as f32 / self.step_rate_hz;
-        self.add(time_s, Shot { objects: moment.objects(), hand: moment.hand() });
-        let frame = self.shots.len() - 1;
+        let frame = self.recording.frames.len();
+        self.recording.frames.push(Frame { time_s, objects: moment.objects(), hand: moment.hand() });
         let mut contacts: Vec<Contact> = moment.contacts();
         let is_shown = |c: &Contact| !c.points_m.is_empty() && c.between.iter().any(|t| self.is_of_interest(*t));
         contacts.retain(is_shown);
-        self.view.points.extend(contacts.into_iter().map(|contact| Line {
-            class: Class::Contact,
+        self.recording.contacts.extend(contacts.into_iter().map(|contact| Touch {
+            frame,
             label: describe_contact(&contact),
-            points_m: flat_points(contact.points_m),
-            frames: Some([frame, frame]),
+            points_m: contact.points_m,
         }));
     }
 
@@ -134,8 +194,8 @@ impl<'a> Recorder<'a> {
 
     /// Adds an event at the time of the last frame, or before the first.
     pub(crate) fn happens(&mut self, kind: EventKind, text: impl Into<String>) {
-        let frame = self.shots.len().saturating_sub(1);
-        self.view.events.push(Event { frame, kind, text: text.into() });
+        let frame = self.recording.frames.len().saturating_sub(1);
+        self.recording.events.push(Event { frame, kind, text: text.into() });
     }
 
     /// Begins one of the loads that a grip has to bear, and gives the steps that were before it.
@@ -191,6 +251,30 @@ impl Watcher for Recorder<'_> {
     }
 }
 
+fn blocked(gripper: &Gripper, distance_m: f32, obstruction: &Obstruction) -> Blocked {
+    let what = match obstruction.hit.object_id {
+        Some(id) => format!("object {id}"),
+        None => "the table".to_owned(),
+    };
+    let (part, clearance_mm) = (HAND[obstruction.part], gripper.clearance_m * 1000.0);
+    let is_before = obstruction.outcome == Outcome::PregraspCollision;
+    let when = if is_before {
+        "already before the approach".to_owned()
+    } else {
+        format!("after {:.1} mm of the approach", obstruction.travel_m * 1000.0)
+    };
+    let tested = |hand_box: HandBox| {
+        let there = HandBox { centre_m: hand_box.centre_m - Vec3::Z * distance_m, ..hand_box };
+        let tested = if is_before { there } else { hand_box.swept_back(distance_m) };
+        tested.grown(gripper.clearance_m)
+    };
+    Blocked {
+        label: format!("the {part} is within {clearance_mm:.1} mm of {what} {when}"),
+        point_m: obstruction.point_m,
+        boxes: gripper.open_hand().map(tested),
+    }
+}
+
 fn mm(metres: f32) -> String {
     format!("{:.1} mm", metres * 1000.0)
 }
@@ -234,7 +318,8 @@ fn describe_event(event: &AttemptEvent) -> String {
 }
 
 /// The end of an attempt as text.
-pub(crate) fn describe_end(execution: &Execution) -> String {
+#[must_use]
+pub fn describe_end(execution: &Execution) -> String {
     let hit = execution.hit.map(|hit| (hit.kind, hit.object_id.map(|id| id as u32)));
     describe_outcome(execution.outcome, hit, execution.width_m)
 }

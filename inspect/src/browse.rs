@@ -1,5 +1,5 @@
 //! A dataset as a folder of pages that lead to each other: all scenes with filters, each scene in space with the
-//! replays of its attempts, the report. This crate knows no physics, so the replays come from `generator`.
+//! replays of its attempts, the report.
 
 use std::collections::BTreeSet;
 use std::io::Write as _;
@@ -8,7 +8,6 @@ use std::path::Path;
 use program::text::grouped;
 use program::{Context, ExitCode, Failure};
 use report::document::{Block, Document, Picture};
-use report::view::View;
 use report::view::folder::{
     Facet, INDEX, LISTING, ListedAttempt, ListedScene, Listing, Place, REPORT, Shelf, is_page, scene_file, shared_files,
 };
@@ -16,6 +15,7 @@ use schema::{AttemptRecord, Outcome, SceneRows, Vec3};
 use shards::Dataset;
 
 use crate::pictures::picture;
+use crate::replay::{Replays, of_scene};
 use crate::statistics::report;
 use crate::view::scene_view;
 
@@ -46,17 +46,14 @@ pub(crate) fn begin(folder: &Path) -> Result<(), Failure> {
 }
 
 /// Writes the pages of these scenes, which ascend, to a new or empty folder, or over pages of an earlier call. A scene
-/// at a time is in memory. `replays` makes those of a scene's attempts for its view, as [`View::packed`] does, or none.
+/// at a time is in memory. Where attempts cannot be executed again, as in datasets of another engine, the pages have no
+/// replays.
 ///
 /// # Errors
 /// If the folder has files of others, a scene cannot be read, or a file not written.
-pub fn browse(
-    dataset: &Dataset,
-    scenes: &[u64],
-    folder: &Path,
-    mut replays: impl FnMut(&SceneRows, &View) -> Vec<String>,
-) -> Result<(), Failure> {
+pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path, has_replays: bool) -> Result<Replays, Failure> {
     begin(folder)?;
+    let mut done = Replays::default();
     let info = dataset.info();
     let (mut listing, mut pictures, mut attempts) = (Lists::new(&FACETS), Vec::new(), 0);
     let mut neighbours = scenes.iter().map(|scene| scene_file(*scene)).collect::<Vec<_>>().into_iter().peekable();
@@ -67,7 +64,7 @@ pub fn browse(
             let rows = rows?;
             let view = scene_view(info, dataset.id(), &rows);
             let own = neighbours.next();
-            let replays = replays(&rows, &view);
+            let replays = done.kept(|| if has_replays { of_scene(dataset, &rows, &view) } else { Ok(Vec::new()) });
             let place = Place {
                 shelf: Shelf::Scenes,
                 previous: std::mem::replace(&mut previous, own),
@@ -85,7 +82,8 @@ pub fn browse(
     }
     write(folder, REPORT, &report(dataset)?.page(dataset, Some(scenes))?.html()?)?;
     let facets = finish(folder, listing.finished(Shelf::Scenes))?;
-    write(folder, INDEX, &index(dataset, facets, pictures, attempts).html()?)
+    write(folder, INDEX, &index(dataset, facets, pictures, attempts).html()?)?;
+    Ok(done)
 }
 
 /// Writes what the pages share, and gives what can be chosen by.

@@ -1,4 +1,4 @@
-//! Looking at a dataset: its statistics and a report of them, and pages of its scenes. Only
+//! Looking at a dataset: its statistics and a report of them, pages of its scenes, and replays of its attempts. Only
 //! reads what `shards` holds; nothing that writes or trains needs it.
 //!
 //! ```
@@ -13,6 +13,7 @@ mod browse;
 mod grasps;
 mod page;
 mod pictures;
+mod replay;
 mod statistics;
 #[cfg(test)]
 #[path = "../../tests/support/synthetic.rs"]
@@ -22,5 +23,6 @@ mod view;
 pub use browse::browse;
 pub use grasps::{GivenGrasps, browse_grasps, grasp_sets, grasps_info, grasps_table, read_grasp_set};
 pub use pictures::{scene_svg, spread};
+pub use replay::{Replays, replayed};
 pub use statistics::{Bin, Group, ModelCount, OutcomeGroup, Report, TableSize, report};
 pub use view::scene_view;

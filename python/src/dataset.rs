@@ -4,8 +4,8 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
 use std::{mem, process};
 
-use generator::{AttemptId, Config, Overrides, bodies_of, depth_images, physics_of, replay};
-use inspect::scene_view;
+use generator::{AttemptId, Config, Overrides, bodies_of, depth_images, physics_of};
+use inspect::{replayed, scene_view};
 use network::head::Head;
 use network::upsampling::Upsampling;
 use network::{GraspOrigin, VoxelParams};
@@ -341,7 +341,7 @@ impl Dataset {
     /// An attempt, executed again before the reader's eyes, as a page.
     fn replay_page(&self, py: Python<'_>, scene_id: u64, attempt_id: u32) -> PyResult<String> {
         let dataset = self.read()?;
-        Ok(free(py, || replay(dataset, AttemptId { scene_id, attempt_id }))?.view.page())
+        Ok(free(py, || replayed(dataset, AttemptId { scene_id, attempt_id }))?.1.page())
     }
 
     /// The names of outcomes and of what may be hit, in the order of their numbers.

@@ -116,16 +116,6 @@ const LEGEND_ROW: i32 = 24;
 pub(crate) const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
 pub(crate) const FONT_BYTES: &[u8] = include_bytes!("../fonts/DejaVuSans.ttf");
 
-impl Bars {
-    /// Bars that stand on 0, from their heights between evenly spaced edges.
-    #[must_use]
-    pub fn standing(name: &str, colour: Colour, first: f64, step: f64, heights: &[f64]) -> Self {
-        let edge = |at: usize| first + at as f64 * step;
-        let bars = heights.iter().enumerate().map(|(at, height)| [edge(at), edge(at + 1), 0.0, *height]).collect();
-        Self { name: name.to_owned(), colour, bars }
-    }
-}
-
 impl Line {
     /// A line without intervals.
     pub fn new(name: &str, colour: Colour, stroke: Stroke, points: Vec<(f64, f64)>) -> Self {
@@ -331,7 +321,8 @@ mod tests {
 
     #[test]
     fn bars_stand_where_they_should_and_have_their_names() {
-        let bars = Bars::standing("shards of light", GREEN, 1.0, 2.0, &[0.4, 0.8]);
+        let bars = vec![[1.0, 3.0, 0.0, 0.4], [3.0, 5.0, 0.0, 0.8]];
+        let bars = Bars { name: "shards of light".to_owned(), colour: GREEN, bars };
         assert_eq!(bars.bars, [[1.0, 3.0, 0.0, 0.4], [3.0, 5.0, 0.0, 0.8]]);
         let svg = Figure { bars: vec![bars], ..figure() }.svg().unwrap();
         assert_eq!(svg.matches("fill=\"#009E73\"").count(), 3, "two bars and the legend's patch: {svg}");

@@ -15,7 +15,7 @@ const NEVER: &[(&str, &[&[&str]])] = &[
     ("program", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
     ("report", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
     ("shards", &[PHYSICS, LEARNING]),
-    ("inspect", &[PHYSICS, LEARNING]),
+    ("inspect", &[LEARNING]),
     ("simulator", &[LEARNING, COLUMNS, NETWORK]),
     ("perception", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
     ("grasps", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),

@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use generator::{grasp_replays, packed_replays};
-use inspect::{browse, browse_grasps, grasp_sets, spread};
+use inspect::{Replays, browse, browse_grasps, grasp_sets, spread};
 use program::{ExitCode, Failure, print, print_error};
 use shards::{Dataset, Location};
 
@@ -51,57 +50,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
     let dataset = Dataset::open(&arguments.dataset)?;
     let scenes = chosen(arguments, dataset.info().scene_count, dataset.info().attempt_count)?;
-    let mut replays = Replays::default();
-    browse(&dataset, &scenes, &arguments.out, |rows, view| {
-        replays.kept(|| if arguments.no_replays { Ok((Vec::new(), 0)) } else { packed_replays(&dataset, rows, view) })
-    })?;
-    replays.told(&arguments.out, "attempts")
+    told(browse(&dataset, &scenes, &arguments.out, !arguments.no_replays)?, &arguments.out, "attempts")
 }
 
 /// The pages of the sets of grasps of these names in a folder.
 pub(crate) fn grasp_pages(folder: &Path, names: &[String], out: &Path, has_replays: bool) -> Result<ExitCode, Failure> {
-    let mut replays = Replays::default();
-    browse_grasps(folder, names, out, |set, numbers, view| {
-        replays.kept(|| if has_replays { grasp_replays(set, numbers, view) } else { Ok((Vec::new(), 0)) })
-    })?;
-    replays.told(out, "grasps")
+    told(browse_grasps(folder, names, out, has_replays)?, out, "grasps")
 }
 
-/// What went wrong with the replays of pages.
-#[derive(Default)]
-struct Replays {
-    trouble: Option<Failure>,
-    /// Those that end otherwise than stored.
-    others: usize,
-}
-
-impl Replays {
-    /// Some more replays; none from the first failure on.
-    fn kept(&mut self, make: impl FnOnce() -> Result<(Vec<String>, usize), Failure>) -> Vec<String> {
-        if self.trouble.is_some() {
-            return Vec::new();
-        }
-        match make() {
-            Ok((replays, others)) => {
-                self.others += others;
-                replays
-            }
-            Err(failure) => {
-                self.trouble = Some(failure);
-                Vec::new()
-            }
-        }
+fn told(Replays { trouble, others }: Replays, out: &Path, what: &str) -> Result<ExitCode, Failure> {
+    print(format_args!("{}\n", out.join("index.html").display()))?;
+    if others > 0 {
+        print_error(&format!("{others} {what} end otherwise than stored"));
     }
-
-    fn told(self, out: &Path, what: &str) -> Result<ExitCode, Failure> {
-        print(format_args!("{}\n", out.join("index.html").display()))?;
-        if self.others > 0 {
-            print_error(&format!("{} {what} end otherwise than stored", self.others));
-        }
-        let Some(failure) = self.trouble else { return Ok(ExitCode::Ok) };
-        print_error(&format!("not all {what} have replays: {failure}"));
-        Ok(ExitCode::Partial)
-    }
+    let Some(failure) = trouble else { return Ok(ExitCode::Ok) };
+    print_error(&format!("not all {what} have replays: {failure}"));
+    Ok(ExitCode::Partial)
 }
 
 /// The numbers of the scenes to show, ascending.

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use generator::{AttemptId, replay};
+use generator::AttemptId;
+use inspect::replayed;
 use program::{ExitCode, Failure, print, print_error, write};
 use shards::{Dataset, Location};
 
@@ -32,8 +33,8 @@ pub(crate) struct Arguments {
 /// The course of the attempt goes to standard output, unless the JSON goes there.
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let dataset = Dataset::open(&arguments.dataset)?;
-    let replay = replay(&dataset, arguments.attempt)?;
-    let shown = if arguments.json { replay.view.to_json() } else { replay.view.page() };
+    let (replay, view) = replayed(&dataset, arguments.attempt)?;
+    let shown = if arguments.json { view.to_json() } else { view.page() };
     match &arguments.out {
         Some(path) => {
             write(path, shown)?;

@@ -15,6 +15,7 @@ use super::stored::read_grasp_set;
 use super::{free_share, grasp_sets};
 use crate::browse::{Lists, UNKNOWN, begin, finish, write};
 use crate::pictures::spread;
+use crate::replay::{Replays, of_object};
 
 /// Grasps that a page shows, spread over all: at most, at least, and on all pages together. A replay takes a few
 /// kilobytes.
@@ -39,18 +40,13 @@ fn values(grasp: &ObjectGrasp) -> [String; FACETS.len()] {
 }
 
 /// Writes the pages of the sets of these names in a folder, in order, as [`crate::browse`] does for scenes. A set at a
-/// time is in memory. `replays` makes those of a set's grasps of these numbers for its view, as [`View::packed`] does,
-/// or none.
+/// time is in memory.
 ///
 /// # Errors
 /// If `out` has files of others, a set cannot be read, or a file not written.
-pub fn browse_grasps(
-    folder: &Path,
-    names: &[String],
-    out: &Path,
-    mut replays: impl FnMut(&ObjectGrasps, &[u64], &View) -> Vec<String>,
-) -> Result<(), Failure> {
+pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: bool) -> Result<Replays, Failure> {
     begin(out)?;
+    let mut done = Replays::default();
     let [most, least] = SHOWN;
     let count = (SHOWN_OF_ALL / names.len().max(1)).clamp(least, most);
     let (mut listing, mut pictures, mut shown, mut all) = (Lists::new(&FACETS), Vec::new(), 0, 0);
@@ -59,6 +55,7 @@ pub fn browse_grasps(
         let set = read_grasp_set(folder, name)?;
         let numbers = spread(&(0..set.grasps.len() as u64).collect::<Vec<_>>(), count);
         let view = grasps_view(&set, &numbers);
+        let replays = done.kept(|| if has_replays { of_object(&set, &numbers, &view) } else { Ok(Vec::new()) });
         let ids = || numbers.iter().map(|number| *number as u32);
         let listed = |number: u32| (number, values(&set.grasps[number as usize]));
         let place = Place {
@@ -66,7 +63,7 @@ pub fn browse_grasps(
             previous: page(at.checked_sub(1)),
             next: page(Some(at + 1)),
             attempts: ids().map(|number| listed_attempt(&set, number)).collect(),
-            replays: ids().zip(replays(&set, &numbers, &view)).collect(),
+            replays: ids().zip(replays).collect(),
         };
         write(out, &object_file(name), &view.page_in(&place))?;
         pictures.push(picture(&set, name));
@@ -85,7 +82,8 @@ pub fn browse_grasps(
     let blocks =
         vec![Block::Text(text), Block::Filter(facets), Block::Legend(vec![Outcome::Held]), Block::Gallery(pictures)];
     let footer = format!("graspmill dataset browse, Graspmill {}", env!("CARGO_PKG_VERSION"));
-    write(out, INDEX, &Document { title: "Grasps of objects".to_owned(), blocks, footer }.html()?)
+    write(out, INDEX, &Document { title: "Grasps of objects".to_owned(), blocks, footer }.html()?)?;
+    Ok(done)
 }
 
 /// An object in the grid.

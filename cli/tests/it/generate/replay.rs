@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use base64::Engine as _;
-use generator::{AttemptId, Config, replay};
+use generator::{AttemptId, Config};
 use report::view::{Body, Class, EventKind, View};
 use schema::{Approach, Axis, ObjectRecord, Outcome, Pose, Rule, SceneRows, ShapeKind, Solid, Vec3, axis_angle};
 use shards::Dataset;
@@ -69,13 +69,13 @@ fn every_kind_of_end_is_reproduced_and_shown() {
             if *count > 6 {
                 continue;
             }
-            let replayed = replay(&dataset, id(row.scene_id, row.attempt_id)).unwrap();
+            let (replayed, view) = inspect::replayed(&dataset, id(row.scene_id, row.attempt_id)).unwrap();
             assert!(replayed.is_reproduced(), "{:?} instead of {row:?}", replayed.now);
             assert_eq!(replayed.stored, row);
-            check_view(&replayed.view, row.outcome);
+            check_view(&view, row.outcome);
             assert!(replayed.describe().ends_with(&format!(
                 "as stored: {}\n",
-                replayed.view.facts.iter().find(|fact| fact.key == "now").unwrap().value
+                view.facts.iter().find(|fact| fact.key == "now").unwrap().value
             )));
         }
     }
@@ -118,11 +118,11 @@ fn what_is_raised_with_the_target_is_reproduced_and_shown() {
     let config = small();
     lying_dataset(&config, &dir.path().join("stacks"), |rows| stack(&config, rows));
     let dataset = Dataset::open(&dir.path().join("stacks")).unwrap();
-    let replayed = replay(&dataset, id(2, 5)).unwrap();
+    let (replayed, view) = inspect::replayed(&dataset, id(2, 5)).unwrap();
     assert_eq!((replayed.now.outcome, replayed.stored.hit_object_id), (Outcome::HitOther, Some(1)));
     assert!(replayed.is_reproduced(), "{:?} instead of {:?}", replayed.now, replayed.stored);
-    check_view(&replayed.view, Outcome::HitOther);
-    let plate = replayed.view.bodies.iter().find(|body| body.class == Class::Hit).unwrap();
+    check_view(&view, Outcome::HitOther);
+    let plate = view.bodies.iter().find(|body| body.class == Class::Hit).unwrap();
     assert!(plate.label.starts_with("object 1: cuboid"), "{}", plate.label);
     let raised_m = plate.poses.last().unwrap()[2] - plate.poses[0][2];
     assert!((raised_m - 0.1).abs() < 0.005, "the plate goes up by the retreat, by {raised_m} m");

@@ -1,0 +1,152 @@
+//! Replays to look at: attempts of a scene, and grasps of an object alone, executed again.
+
+use generator::recorder::{self, HAND, Recording, describe_end};
+use generator::{AttemptId, GraspReplay, Replay, physics_of};
+use program::Failure;
+use report::view::{Body, Class, Event, EventKind, Frame, Line, View, flat, flat_points};
+use schema::{Axis, Gripper, Lattice, ObjectGrasps, Pose, SceneRows};
+use shards::Dataset;
+
+/// A stored attempt, executed again, and how it is shown.
+///
+/// # Errors
+/// If the dataset cannot be read, has no such attempt, or was not made by this engine.
+pub fn replayed(dataset: &Dataset, id: AttemptId) -> Result<(Replay, View), Failure> {
+    let rows = dataset.read_scene(id.scene_id)?;
+    let replay = generator::replay(dataset.info(), &rows, id.attempt_id)?;
+    let view = attempt_view(dataset, &rows, &replay)?;
+    Ok((replay, view))
+}
+
+/// The replays of all attempts of a scene for its page in a folder ([`View::packed`]; `scene` is the page's view), each
+/// with whether it ends as stored.
+pub(crate) fn of_scene(dataset: &Dataset, rows: &SceneRows, scene: &View) -> Result<Vec<(String, bool)>, Failure> {
+    let packed = |replay: Replay| Ok((attempt_view(dataset, rows, &replay)?.packed(scene), replay.is_reproduced()));
+    generator::replays(dataset.info(), rows, packed)?.into_iter().collect()
+}
+
+/// As [`of_scene`], of some grasps of a set for the page of their object.
+pub(crate) fn of_object(set: &ObjectGrasps, numbers: &[u64], object: &View) -> Result<Vec<(String, bool)>, Failure> {
+    generator::grasp_replays(set, numbers, |replay| {
+        let is_reproduced = replay.outcome == set.grasps[replay.number as usize].outcome;
+        (grasp_view(set, replay).packed(object), is_reproduced)
+    })
+}
+
+fn attempt_view(dataset: &Dataset, rows: &SceneRows, replay: &Replay) -> Result<View, Failure> {
+    let Replay { recording, stored, now } = replay;
+    let (info, ending) = (dataset.info(), describe_end(now));
+    let mut view = View::new(format!("{}/{}: {ending}", stored.scene_id, stored.attempt_id));
+    // Table and objects first, as in the scene's view: there they need not be told again.
+    view.bodies.push(Body::table(info.grid.size_m, info.grid.table_z_m));
+    view.bodies.extend(Body::of_container(&rows.scene, &info.grid));
+    for (id, row) in rows.objects.iter().enumerate() {
+        let class = match now.hit.and_then(|hit| hit.object_id) {
+            _ if id == stored.object_id as usize => Class::Target,
+            Some(hit) if hit == id => Class::Hit,
+            _ => Class::Object,
+        };
+        let poses = poses(recording, |frame| frame.objects[id]);
+        view.bodies.extend(Body::of_object(class, row).into_iter().map(|part| Body { poses: poses.clone(), ..part }));
+    }
+    add(&mut view, recording, info.hand_of(stored.scene_id), &stored.workspace_from_grasp);
+    view.lines.push(Line::workspace(Lattice::from(info.grid).corners_m()));
+
+    let physics = physics_of(&info.config)?;
+    let degrees = |angle_rad: f32| format!("{:.2}°", angle_rad.to_degrees());
+    let mm = |length_m: f32| format!("{:.2} mm", length_m * 1000.0);
+    view.fact("dataset", dataset.id().get(..12).unwrap_or_default());
+    view.fact("target", format!("object {}", stored.object_id));
+    view.fact("rule", stored.rule.name());
+    view.fact("closes along", stored.closing.map_or("–", Axis::name));
+    view.fact("tilt, turn", format!("{}, {}", degrees(stored.tilt_rad), degrees(stored.turn_rad)));
+    view.fact("depth, slide", format!("{}, {}", mm(stored.depth_m), mm(stored.slide_m)));
+    view.fact("stored", replay.stored_ending());
+    view.fact("now", ending);
+    view.fact("reproduced", if replay.is_reproduced() { "yes, to the bit" } else { "NO" });
+    view.fact("steps simulated", format!("{}, {} a second", now.steps, physics.step_rate_hz));
+    view.fact("shortcuts", if physics.shortcuts { "on, as in the dataset" } else { "off, as in the dataset" });
+    Ok(view)
+}
+
+fn grasp_view(set: &ObjectGrasps, replay: GraspReplay) -> View {
+    let GraspReplay { number, recording, ending, .. } = replay;
+    let grasp = &set.grasps[number as usize];
+    let mut view = View::new(format!("{}/{number}: {ending}", set.name));
+    // As in the object's view: there the parts need not be told again.
+    let poses = poses(&recording, |frame| frame.objects[0]);
+    let part = |part| Body { poses: poses.clone(), ..Body::of_part(Class::Target, set.name.clone(), part, &[]) };
+    view.bodies.extend(set.parts.iter().map(part));
+    add(&mut view, &recording, &set.gripper, &grasp.object_from_grasp);
+    view.fact("stored", grasp.outcome.name());
+    view.fact("now", ending);
+    view.fact("test", set.test.name());
+    view.fact("seen from", "the hand, which stands still");
+    view
+}
+
+/// A body's pose in every frame, or the only one.
+fn poses(recording: &Recording, pose: impl Fn(&recorder::Frame) -> Pose) -> Vec<[f32; 7]> {
+    let mut poses: Vec<[f32; 7]> = recording.frames.iter().map(|frame| flat(&pose(frame))).collect();
+    if poses.iter().all(|pose| *pose == poses[0]) {
+        poses.truncate(1);
+    }
+    poses
+}
+
+/// Adds frames, events and contacts, the hand, and what stopped it.
+fn add(view: &mut View, recording: &Recording, gripper: &Gripper, grasp: &Pose) {
+    view.frames = recording.frames.iter().map(|frame| Frame { time_s: frame.time_s }).collect();
+    view.events.extend(recording.events.iter().map(|event| {
+        let kind = match event.kind {
+            recorder::EventKind::Phase => EventKind::Phase,
+            recorder::EventKind::Note => EventKind::Note,
+            recorder::EventKind::Held => EventKind::Held,
+            recorder::EventKind::Failed => EventKind::Failed,
+        };
+        Event { frame: event.frame, kind, text: event.text.clone() }
+    }));
+    let contact =
+        |label: &String, points_m, frames| Line { class: Class::Contact, label: label.clone(), points_m, frames };
+    view.points.extend(recording.contacts.iter().map(|touch| {
+        contact(&touch.label, flat_points(touch.points_m.iter().copied()), Some([touch.frame, touch.frame]))
+    }));
+    for (part, hand_box) in gripper.open_hand().iter().enumerate() {
+        let poses = poses(recording, |frame| frame.hand[part]);
+        view.bodies.push(Body { poses, ..Body::of_box(Class::Hand, HAND[part], hand_box, &[]) });
+    }
+    let Some(blocked) = &recording.blocked else { return };
+    for (part, hand_box) in HAND.into_iter().zip(&blocked.boxes) {
+        let label = format!("{part} on its way, with {:.1} mm around it", gripper.clearance_m * 1000.0);
+        view.bodies.push(Body::of_box(Class::Swept, label, hand_box, &[*grasp]));
+    }
+    view.points.push(contact(&blocked.label, flat_points([blocked.point_m]), None));
+}
+
+/// How the replays of pages went.
+#[derive(Debug, Default)]
+pub struct Replays {
+    /// Why there are no more of them, if something failed.
+    pub trouble: Option<Failure>,
+    /// How many end otherwise than stored.
+    pub others: usize,
+}
+
+impl Replays {
+    /// Some more replays; none from the first failure on.
+    pub(crate) fn kept(&mut self, make: impl FnOnce() -> Result<Vec<(String, bool)>, Failure>) -> Vec<String> {
+        if self.trouble.is_some() {
+            return Vec::new();
+        }
+        match make() {
+            Ok(replays) => {
+                self.others += replays.iter().filter(|(_, is_reproduced)| !is_reproduced).count();
+                replays.into_iter().map(|(packed, _)| packed).collect()
+            }
+            Err(failure) => {
+                self.trouble = Some(failure);
+                Vec::new()
+            }
+        }
+    }
+}
