@@ -325,7 +325,8 @@ pub fn describe_end(execution: &Execution) -> String {
 }
 
 /// An outcome with what was hit and the opening, as text.
-pub(crate) fn describe_outcome(outcome: Outcome, hit: Option<(HitKind, Option<u32>)>, width_m: Option<f32>) -> String {
+#[must_use]
+pub fn describe_outcome(outcome: Outcome, hit: Option<(HitKind, Option<u32>)>, width_m: Option<f32>) -> String {
     let hit = match hit {
         None => String::new(),
         Some((HitKind::Other, Some(id))) => format!(" with object {id}"),

@@ -1,7 +1,8 @@
 //! One scene to look at: its objects, what the cameras saw of them, and every attempt with how it ended.
 
+use generator::recorder::describe_outcome;
 use report::view::{Body, Class, Line, View, flat_points};
-use schema::{AttemptRecord, Axis, CameraParams, HitKind, Intrinsics, Lattice, Outcome, SceneRows};
+use schema::{AttemptRecord, Axis, CameraParams, Intrinsics, Lattice, Outcome, SceneRows};
 use shards::DatasetInfo;
 
 /// Values this near the surface's, 0.5, are points of it: with a truncation of four voxels, those nearer than 0.8
@@ -47,14 +48,10 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
 /// An attempt in words: its id as commands take it, its outcome and what it hit, its width, its target and rule.
 pub(crate) fn attempt_label(attempt: &AttemptRecord) -> String {
     let closing = attempt.closing.map_or(String::new(), |axis| format!(", closes along {}", Axis::name(axis)));
-    let hit = match (attempt.hit, attempt.hit_object_id) {
-        (None, _) => String::new(),
-        (Some(HitKind::Other), Some(id)) => format!(" with object {id}"),
-        (Some(kind), _) => format!(" with the {}", kind.name()),
-    };
+    let ending = describe_outcome(attempt.outcome, attempt.hit.map(|kind| (kind, attempt.hit_object_id)), None);
     let width = attempt.width_m.map_or("never closed".to_owned(), |width_m| format!("{:.1} mm", width_m * 1000.0));
     let (scene, id, object, rule) = (attempt.scene_id, attempt.attempt_id, attempt.object_id, attempt.rule.name());
-    format!("{scene}/{id} at object {object}\n{}{hit}, {width}\nrule {rule}{closing}", attempt.outcome.name())
+    format!("{scene}/{id} at object {object}\n{ending}, {width}\nrule {rule}{closing}")
 }
 
 fn surface(info: &DatasetInfo, rows: &SceneRows) -> Line {

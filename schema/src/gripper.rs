@@ -185,12 +185,6 @@ impl Gripper {
     pub fn target_from_flange(&self, target_from_grasp: &Pose) -> Option<Pose> {
         self.flange_from_grasp.map(|flange_from_grasp| *target_from_grasp * flange_from_grasp.pose().inverse())
     }
-
-    /// The point midway between the roots of the fingers, where VGN has a grasp's origin, in the workspace.
-    #[must_use]
-    pub fn finger_roots_m(&self, workspace_from_grasp: &Pose) -> Vec3 {
-        workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -self.finger_length_m))
-    }
 }
 
 impl HandBox {
@@ -267,13 +261,6 @@ mod tests {
             missing.contains("hand cannot be read: ") && missing.contains("nowhere/three_fingers.toml"),
             "{missing}"
         );
-    }
-
-    #[test]
-    fn the_roots_are_a_fingers_length_behind_the_tips() {
-        let gripper = Gripper::from_toml(PAPER).unwrap();
-        let down = Pose::from_parts(Vec3::new(0.1, 0.1, 0.1), crate::axis_angle(Vec3::X, core::f32::consts::PI));
-        assert!((gripper.finger_roots_m(&down) - Vec3::new(0.1, 0.1, 0.15)).length() < 1e-6);
     }
 
     #[test]
