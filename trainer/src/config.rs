@@ -1,14 +1,16 @@
 //! The training recipe, each key as the type that training computes with.
 //!
+//! The keys of a method stand in the tables that both methods have; of the other method they are unknown.
+//!
 //! What goes beyond the paper (`network.head`, `[augmentation]`, `training.schedule`, `training.positive_weight`,
 //! `training.average_decay`, `training.patience_epochs`) may be left out and then is off: recipes and checkpoints from
 //! before these keys stay good.
 
 use std::path::Path;
 
-use serde::ser::SerializeStruct as _;
-use serde::{Deserialize, Serialize, Serializer};
-use settings::{Document, Reader, above, settings, words};
+use serde::{Deserialize, Serialize};
+use settings::{Document, Reader, Row, Setting, Value, above, rows_of, settings, words};
+use toml::Table;
 
 use crate::schedule::Schedule;
 use crate::voxel::augmentation::Augmentation;
@@ -21,72 +23,111 @@ pub const PAPER: &str = include_str!("../../configs/train/paper.toml");
 /// A judge's recipe.
 pub const JUDGE: &str = include_str!("../../configs/train/judge.toml");
 
-settings! {
-    /// A recipe.
-    #[derive(Debug, Clone, PartialEq, Serialize)]
-    pub struct Config {
-        /// Seed of the split, the order of samples and the initial weights.
-        pub seed: u64 where 0..=i64::MAX.unsigned_abs(),
-        /// The network.
-        pub network: NetworkParams,
-        /// The steps.
-        pub training: TrainingParams,
-        /// How training scenes are turned and shifted.
-        pub augmentation: Augmentation; or Augmentation::OFF,
-        /// Which samples test.
-        pub split: SplitConfig,
-        /// When the state is saved.
-        pub checkpoint: CheckpointParams,
-    }
-    check Config::fits_the_network
+/// A recipe. The keys of a method stand in the tables that both methods have.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Config {
+    /// Seed of the split, the order of samples and the initial weights.
+    pub seed: u64,
+    /// SHA-256 of the checkpoint whose weights training begins with.
+    pub from: Option<String>,
+    /// The network, with what only its method has.
+    pub method: Method,
+    /// The steps.
+    pub training: TrainingParams,
+    /// Which samples test.
+    pub split: SplitConfig,
+    /// When the state is saved.
+    pub checkpoint: CheckpointParams,
+}
+
+/// A network, with the keys that only its method has.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Method {
+    /// The paper's network, or one that differs in its head.
+    Voxel(VoxelConfig),
+    /// A judge.
+    Judge,
 }
 
 settings! {
-    /// What the recipe decides of the network.
-    #[derive(Debug, Clone, PartialEq)]
-    pub struct NetworkParams {
-        /// Which network.
-        pub kind: Kind; or Kind::Voxel,
+    /// What both methods have.
+    struct Common {
+        /// Seed of the split, the order of samples and the initial weights.
+        seed: u64 where 0..=i64::MAX.unsigned_abs(),
+        /// The network.
+        network: NetworkParams,
+        /// The steps.
+        training: TrainingParams,
+        /// Which samples test.
+        split: SplitConfig,
+        /// When the state is saved.
+        checkpoint: CheckpointParams,
+    }
+}
+
+settings! {
+    /// What both methods have of the network.
+    struct NetworkParams {
+        /// Which network. The keys after `checkpoint.every_steps` are those of `voxel` alone.
+        kind: Kind; or Kind::Voxel,
+        /// SHA-256 of the checkpoint whose weights training begins with (--from).
+        from: Option<String>; or None,
+    }
+}
+
+settings! {
+    /// What only the voxel network has, by tables.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct VoxelConfig {
+        /// The network.
+        pub network: VoxelNetwork,
+        /// What a sample is.
+        pub training: VoxelTraining,
+        /// How training scenes are turned and shifted.
+        pub augmentation: Augmentation; or Augmentation::OFF,
+    }
+}
+
+settings! {
+    /// What belongs to the voxel network besides its parameters.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct VoxelNetwork {
         /// What a network of voxels answers: the paper's orientation, or a hand by closing direction.
+        #[serde(skip_serializing_if = "is_quaternion")]
         pub head: Head; or Head::Quaternion,
         /// How the decoder of the paper's network doubles its grids.
         pub upsampling: Upsampling; or Upsampling::Linear,
         /// Where the paper's network has the origin of a grasp: so far behind the finger tips, against the approach. 0
         /// is midway between the tips, the fingers' length midway between their roots, as VGN has it.
         pub origin_behind_tips_m: f32 where 0.0..=BEHIND_TIPS_M_MAX; or 0.0,
-        /// SHA-256 of the checkpoint whose weights training begins with (--from).
-        pub from: Option<String>; or None,
     }
 }
 
-impl NetworkParams {
-    /// What belongs to the paper's network besides its parameters.
+/// What is not stored, so that runs from before it can be resumed.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_quaternion(head: &Head) -> bool {
+    *head == Head::Quaternion
+}
+
+impl VoxelNetwork {
+    /// As an architecture has it.
     #[must_use]
-    pub const fn voxel(&self) -> VoxelParams {
-        let Self { head, upsampling, .. } = *self;
-        VoxelParams { head, upsampling, origin: GraspOrigin::behind_tips(self.origin_behind_tips_m) }
+    pub const fn params(&self) -> VoxelParams {
+        let Self { head, upsampling, origin_behind_tips_m } = *self;
+        VoxelParams { head, upsampling, origin: GraspOrigin::behind_tips(origin_behind_tips_m) }
     }
 }
 
-impl Serialize for NetworkParams {
-    /// The keys that matter for the kind. That of the paper's network goes without saying, so its recipes stay as they
-    /// were before there was another.
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut table = serializer.serialize_struct("network", 1)?;
-        match self.kind {
-            Kind::Voxel => {
-                if self.head != Head::Quaternion {
-                    table.serialize_field("head", &self.head)?;
-                }
-                table.serialize_field("upsampling", &self.upsampling)?;
-                table.serialize_field("origin_behind_tips_m", &self.origin_behind_tips_m)?;
-            }
-            Kind::Judge => table.serialize_field("kind", &self.kind)?,
-        }
-        if let Some(from) = &self.from {
-            table.serialize_field("from", from)?;
-        }
-        table.end()
+settings! {
+    /// What a sample of the voxel network is.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct VoxelTraining {
+        /// How much more a held attempt's quality loss counts than a failed one's; 1 is the paper's.
+        pub positive_weight: f64 where above(0.0, 1000.0); or 1.0,
+        /// What a voxel is to answer of several attempts that have their origin in it.
+        pub targets: Targets; or Targets::Attempt,
+        /// Which closing directions are right where an attempt held.
+        pub closings: Closing; or Closing::Attempt,
     }
 }
 
@@ -102,8 +143,6 @@ settings! {
         pub learning_rate: f64 where above(0.0, 1.0),
         /// How the step size changes.
         pub schedule: Schedule; or Schedule::Constant,
-        /// How much more a held attempt's quality loss counts than a failed one's; 1 is the paper's.
-        pub positive_weight: f64 where above(0.0, 1000.0); or 1.0,
         /// Share of the running mean of the weights that stays in a step; the mean is tested and saved. 0 for none, the
         /// paper's.
         #[serde(skip_serializing_if = "is_zero")]
@@ -116,10 +155,6 @@ settings! {
         /// Scenes in memory, 256 kB each. Among so many an epoch is shuffled fully; of more it is a shuffle in a window
         /// of so many.
         pub shuffle_scenes: usize where 1..=1_000_000; or 4096,
-        /// What a voxel is to answer of several attempts that have their origin in it.
-        pub targets: Targets; or Targets::Attempt,
-        /// Which closing directions are right where an attempt held.
-        pub closings: Closing; or Closing::Attempt,
     }
 }
 
@@ -200,29 +235,78 @@ impl Config {
         Document::parse(text, path)?.read()
     }
 
-    /// The voxel network's keys do not apply to a judge. Its checkpoints have them, with the values of keys left out.
-    fn fits_the_network(&self, reader: &mut Reader<'_>) {
-        let (network, training) = (&self.network, &self.training);
-        let as_left_out = [
-            ("network.head", network.head == Head::Quaternion),
-            ("network.upsampling", network.upsampling == Upsampling::Linear),
-            ("network.origin_behind_tips_m", network.origin_behind_tips_m == 0.0),
-            ("training.positive_weight", training.positive_weight == 1.0),
-            ("training.targets", training.targets == Targets::Attempt),
-            ("training.closings", training.closings == Closing::Attempt),
-            ("augmentation", self.augmentation == Augmentation::OFF),
-        ];
-        for (key, _) in as_left_out.into_iter().filter(|(_, holds)| network.kind == Kind::Judge && !holds) {
-            reader.within(key, |reader| reader.fault("does not apply to a judge"));
-        }
-    }
-
-    /// The recipe as TOML, every key written out.
+    /// The recipe as TOML, every key of its method written out.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        // Settings are numbers, words and tables of them, which always have a TOML form.
-        toml::to_string(self).unwrap_or_default()
+        let Self { seed, from, method, training, split, checkpoint } = self;
+        let from = from.as_ref().map(|from| format!("from = {}\n", Value::from(from.as_str()))).unwrap_or_default();
+        // The voxel network's kind goes without saying, so its recipes stay as they were before there was another.
+        let [network, own, augmentation] = match method {
+            Method::Voxel(VoxelConfig { network, training, augmentation }) => {
+                [text(network), text(training), format!("\n[augmentation]\n{}", text(augmentation))]
+            }
+            Method::Judge => ["kind = \"judge\"\n".to_owned(), String::new(), String::new()],
+        };
+        let [training, split, checkpoint] = [text(training), text(split), text(checkpoint)];
+        format!(
+            "seed = {seed}\n\n[network]\n{network}{from}\n[training]\n{training}{own}{augmentation}\n[split]\n{split}\n\
+             [checkpoint]\n{checkpoint}"
+        )
     }
+}
+
+/// A table's keys as TOML.
+fn text(table: &impl Serialize) -> String {
+    toml::to_string(table).unwrap_or_default() // numbers and words always have a TOML form
+}
+
+impl Setting for Config {
+    type Limits = ();
+
+    fn kind((): &()) -> String {
+        Common::kind(&())
+    }
+
+    fn read(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
+        let mut common = value.as_table().cloned().unwrap_or_default();
+        let kind = common.get("network").and_then(|network| network.get("kind"));
+        let method = if kind.and_then(Value::as_str) == Some(Kind::Judge.name()) {
+            // Files of judges from before 0.4.0 have keys of the voxel network, each with its default.
+            let is_default =
+                |row: &Row, value: &Value| row.default.as_deref() == Some(value.to_string().trim_end_matches(".0"));
+            take(&mut common, is_default);
+            common.retain(|_, value| *value != Value::Table(Table::new()));
+            Some(Method::Judge)
+        } else {
+            let augmentation = common.remove("augmentation");
+            let mut own = take(&mut common, |_, _| true);
+            own.extend(augmentation.map(|table| ("augmentation".to_owned(), table)));
+            VoxelConfig::read(&Value::Table(own), &(), reader).map(Method::Voxel)
+        };
+        let common = Common::read(&Value::Table(common), &(), reader);
+        let Common { seed, network, training, split, checkpoint } = common?;
+        Some(Self { seed, from: network.from, method: method?, training, split, checkpoint })
+    }
+
+    fn check(&self, (): &(), _: &mut Reader<'_>) {}
+
+    fn add_rows(prefix: &str, _: Option<&Self>, rows: &mut Vec<Row>) -> bool {
+        Common::add_rows(prefix, None, rows) && VoxelConfig::add_rows(prefix, None, rows)
+    }
+}
+
+/// Takes the keys of the voxel network out of a recipe, those that are meant.
+fn take(recipe: &mut Table, is_meant: impl Fn(&Row, &Value) -> bool) -> Table {
+    let mut taken = Table::new();
+    for row in rows_of::<VoxelConfig>() {
+        let Some((name, key)) = row.key.split_once('.') else { continue };
+        let own = taken.entry(name).or_insert_with(|| Table::new().into()).as_table_mut();
+        let (Some(own), Some(Value::Table(table))) = (own, recipe.get_mut(name)) else { continue };
+        if table.get(key).is_some_and(|value| is_meant(&row, value)) {
+            own.extend(table.remove_entry(key));
+        }
+    }
+    taken
 }
 
 #[cfg(test)]
@@ -247,13 +331,14 @@ mod tests {
     fn what_goes_beyond_the_paper_may_be_left_out_and_is_off() {
         let config = Config::parse(OLD, Path::new("old.toml")).unwrap();
         let mut paper = Config::parse(GOOD, Path::new("paper.toml")).unwrap();
-        paper.network.origin_behind_tips_m = 0.0;
+        let Method::Voxel(own) = &mut paper.method else { panic!("a judge") };
+        own.network.origin_behind_tips_m = 0.0;
+        assert_eq!((own.augmentation, own.training.positive_weight), (Augmentation::OFF, 1.0));
         paper.training.samples_per_scene = 1;
         paper.training.average_decay = 0.0;
         assert_eq!(config, paper);
-        assert_eq!(config.augmentation, Augmentation::OFF);
-        let TrainingParams { schedule, positive_weight, patience_epochs, .. } = config.training;
-        assert_eq!((schedule, positive_weight, patience_epochs), (Schedule::Constant, 1.0, 0));
+        let TrainingParams { schedule, patience_epochs, .. } = config.training;
+        assert_eq!((schedule, patience_epochs), (Schedule::Constant, 0));
     }
 
     #[test]
@@ -281,9 +366,10 @@ mod tests {
     }
 
     #[test]
-    fn keys_of_the_voxel_network_do_not_apply_to_a_judge_unless_they_change_nothing() {
+    fn a_judge_has_no_keys_of_the_voxel_network() {
         let parse = |text: &str| Config::parse(text, Path::new("judge.toml"));
         let judge = parse(JUDGE).unwrap();
+        assert_eq!(judge.method, Method::Judge);
         assert_eq!(parse(&judge.to_toml()).unwrap(), judge);
         let text = JUDGE.replace(
             "[training]",
@@ -291,9 +377,15 @@ mod tests {
                      positive_weight = 2.0\ntargets = \"voxel\"\nclosings = \"object\"",
         ) + "[augmentation]\nquarter_turns = true\n";
         let Err(settings::Error::Invalid { faults, .. }) = parse(&text) else { panic!("must be refused") };
-        let keys = ["network.upsampling", "network.origin_behind_tips_m", "training.positive_weight"];
-        let keys = keys.into_iter().chain(["training.targets", "training.closings", "augmentation"]);
-        assert_eq!(faults, keys.map(|key| format!("{key} does not apply to a judge")).collect::<Vec<_>>());
+        let keys = ["augmentation", "network.origin_behind_tips_m", "network.upsampling", "training.closings"];
+        let keys = keys.into_iter().chain(["training.positive_weight", "training.targets"]);
+        assert_eq!(faults, keys.map(|key| format!("{key} is an unknown key")).collect::<Vec<_>>());
+        // As checkpoints of judges have them.
+        let text = JUDGE.replace(
+            "[training]",
+            "upsampling = \"linear\"\n[training]\npositive_weight = 1.0\ntargets = \"attempt\"\nclosings = \"attempt\"",
+        ) + "[augmentation]\nquarter_turns = false\nshift_z_voxels_max = 0\n";
+        assert_eq!(parse(&text).unwrap(), judge);
     }
 
     #[test]

@@ -16,7 +16,7 @@ use settings::words;
 use shards::{Dataset, Location};
 
 use crate::batch::Sample;
-use crate::config::{Config, Targets};
+use crate::config::{self, Config, Targets};
 use crate::data::split_bits::NO_SAMPLE;
 use crate::data::{GraspDataset, Set, for_each_batch};
 use crate::device::Device;
@@ -107,8 +107,11 @@ pub fn evaluate(
     match &checkpoint.architecture {
         Architecture::Voxel(params) => {
             // Weights from elsewhere have no recipe.
-            let own = || Config::parse(&checkpoint.config, path).map(|config| config.training.targets);
-            let targets = targets.unwrap_or_else(|| own().unwrap_or(Targets::Attempt));
+            let own = || match Config::parse(&checkpoint.config, path).ok()?.method {
+                config::Method::Voxel(own) => Some(own.training.targets),
+                config::Method::Judge => None,
+            };
+            let targets = targets.or_else(own).unwrap_or(Targets::Attempt);
             evaluated(Voxel::new(*params, targets, Device::Host), &checkpoint, &dataset, set, path)
         }
         Architecture::Judge(scope) => {

@@ -8,14 +8,14 @@ use std::time::Instant;
 use network::checkpoint::{Checkpoint, Progress};
 use network::head::Head;
 use network::judge::Scope;
-use network::{Architecture, Kind, VoxelParams};
+use network::{Architecture, VoxelParams};
 use program::{ExitCode, Failure};
 use schema::Gripper;
 use shards::{Dataset, Location};
 
 use crate::adam;
 use crate::batch::Batch;
-use crate::config::{Config, TrainingParams};
+use crate::config::{self, Config, TrainingParams, VoxelConfig};
 use crate::data::{GraspDataset, Set, for_each_batch};
 use crate::device::Device;
 use crate::events::{Beginning, EpochReport, Event};
@@ -82,11 +82,12 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
     folder.write_config(config)?;
     let state = Checkpoint { vector, architecture, config: config.to_toml(), dataset_id, progress, moments };
     observe(Event::Loading(&datasets));
-    match &state.architecture {
-        Architecture::Voxel(params) => {
-            train(Voxel::in_training(*params, config, device.clone()), state, job, &datasets, &folder, stop, observe)
+    match &config.method {
+        config::Method::Voxel(own) => {
+            train(Voxel::in_training(own, device.clone()), state, job, &datasets, &folder, stop, observe)
         }
-        Architecture::Judge(scope) => {
+        config::Method::Judge => {
+            let scope = state.architecture.scope("the recipe")?;
             train(Judge::new(scope, hands_of(&datasets)), state, job, &datasets, &folder, stop, observe)
         }
     }
@@ -208,25 +209,27 @@ pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Devic
     let info = datasets[0].info();
     let robustness = datasets.iter().any(|dataset| dataset.info().repeats_some());
     let scope = Scope::of(&hands, info.procedure.pregrasp_distance_m, info.grid, robustness);
-    match config.network.kind {
-        Kind::Voxel if scope.hands.is_some() => {
+    match &config.method {
+        config::Method::Voxel(_) if scope.hands.is_some() => {
             let text = "the voxel network has no gripper input: train it on data of one hand, or a judge on these";
             Err(Failure::new(ExitCode::Config, text))
         }
-        Kind::Voxel if config.network.head == Head::Closings && *device != Device::Host => {
+        config::Method::Voxel(VoxelConfig { network, .. })
+            if network.head == Head::Closings && *device != Device::Host =>
+        {
             Err(Failure::new(ExitCode::Config, "a head by closing is trained on the host: --device cpu"))
         }
-        Kind::Voxel => Ok(Architecture::Voxel(config.network.voxel())),
-        Kind::Judge if *device != Device::Host => {
+        config::Method::Voxel(VoxelConfig { network, .. }) => Ok(Architecture::Voxel(network.params())),
+        config::Method::Judge if *device != Device::Host => {
             Err(Failure::new(ExitCode::Config, "a judge is trained on the host: --device cpu"))
         }
         // Samples have two bytes for the number of their hand.
-        Kind::Judge if hands.len() > 1 + usize::from(u16::MAX) => {
+        config::Method::Judge if hands.len() > 1 + usize::from(u16::MAX) => {
             let (most, got) = (1 + u32::from(u16::MAX), hands.len());
             let text = format!("a judge can be trained on at most {most} hands, the data have {got}");
             Err(Failure::new(ExitCode::Config, text))
         }
-        Kind::Judge => Ok(Architecture::Judge(Box::new(scope))),
+        config::Method::Judge => Ok(Architecture::Judge(Box::new(scope))),
     }
 }
 

@@ -18,7 +18,7 @@ use schema::{AttemptRecord, Axis, Grid, ObjectRecord, Pose, ShapeKind, Vec3};
 use shards::DatasetInfo;
 
 use crate::batch::{Batch, Scene};
-use crate::config::{Closing, Config, Targets, TrainingParams};
+use crate::config::{Closing, Targets, VoxelConfig, VoxelTraining};
 use crate::data::split_bits::{FAILED, HELD};
 use crate::data::{Rows, Shard};
 use crate::device::Device;
@@ -69,10 +69,11 @@ impl Voxel {
 
     /// As a recipe trains it.
     #[must_use]
-    pub fn in_training(params: VoxelParams, config: &Config, device: Device) -> Self {
-        let TrainingParams { targets, closings, positive_weight, .. } = config.training;
-        let (augmentation, any_closing) = (config.augmentation, closings == Closing::Object);
-        Self { augmentation, any_closing, positive_weight, ..Self::new(params, targets, device) }
+    pub fn in_training(config: &VoxelConfig, device: Device) -> Self {
+        let VoxelConfig { network, training, augmentation } = *config;
+        let VoxelTraining { positive_weight, targets, closings } = training;
+        let any_closing = closings == Closing::Object;
+        Self { augmentation, any_closing, positive_weight, ..Self::new(network.params(), targets, device) }
     }
 }
 

@@ -66,7 +66,7 @@ pub(crate) fn config(
     let mut config = Config::load(file)?;
     config.training.epochs = epochs.unwrap_or(config.training.epochs);
     let (from, digest) = from.map(checkpoint::read_digested).transpose()?.unzip();
-    config.network.from = digest.or(config.network.from);
+    config.from = digest.or(config.from);
     Ok((config, from))
 }
 

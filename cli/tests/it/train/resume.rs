@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use super::fixture::{fit, trainer, write_config, write_dataset};
-use network::{Architecture, Kind};
-use trainer::config::Config;
+use network::Architecture;
+use trainer::config::{Config, Method};
 use trainer::events::Event;
 use trainer::fit::Ending;
 
@@ -48,7 +48,7 @@ fn check_judge(shuffle_scenes: usize) {
     let (data, whole, cut) = (dir.path().join("data"), dir.path().join("whole"), dir.path().join("cut"));
     write_dataset(&data, 5, 2, 10, 12);
     let mut config = Config::load(Some(&write_config(dir.path(), 2, 24))).unwrap();
-    config.network.kind = Kind::Judge;
+    config.method = Method::Judge;
     config.training.shuffle_scenes = shuffle_scenes;
     let on = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let ending = on(1).install(|| fit(&data, &config, &whole, false, &AtomicBool::new(false), &|_| {}));
