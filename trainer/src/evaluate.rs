@@ -22,7 +22,7 @@ use crate::data::{GraspDataset, Set, for_each_batch};
 use crate::device::Device;
 use crate::judge::Judge;
 use crate::judge::scores::HandScores;
-use crate::method::Method;
+use crate::method::{FoundBy, Method};
 use crate::metrics::{Summary, Tally, summaries, tallies};
 use crate::order::{SceneOrder, steps_in_order};
 use crate::results::Found;
@@ -171,7 +171,7 @@ fn results<M: Method>(
     dataset: &Dataset,
     set: TestSet,
     path: &Path,
-) -> Result<Vec<Found<M::Data>>, Failure> {
+) -> Result<Vec<FoundBy<M>>, Failure> {
     let stop = AtomicBool::new(false);
     let mut samples = GraspDataset::survey(slice::from_ref(dataset), method, &stop, &|| {})?;
     let wanted = match set {
@@ -219,7 +219,7 @@ fn trained_on(checkpoint: &Checkpoint, dataset: &Dataset, set: TestSet) -> Resul
     Ok(is.to_owned())
 }
 
-fn must_be_finite<D>(found: &[Found<D>], path: &Path) -> Result<(), Failure> {
+fn must_be_finite<D, A>(found: &[Found<D, A>], path: &Path) -> Result<(), Failure> {
     let Some((Sample { id, .. }, result)) = found.iter().find(|(_, result)| !result.total.is_finite()) else {
         return Ok(());
     };

@@ -4,7 +4,7 @@ mod sample;
 pub mod scores;
 pub mod step;
 
-pub use sample::JudgeSample;
+pub use sample::{JudgeAnswer, JudgeSample};
 
 use std::sync::Arc;
 
@@ -15,9 +15,8 @@ use crate::batch::{Batch, Scene};
 use crate::data::split_bits::{FAILED, HELD, HITS_TABLE};
 use crate::data::{Rows, Shard};
 use crate::method::{Epoch, Method};
-use crate::results::{Found, SampleResult, StepResult};
 use crate::scores::GraspErrors;
-use sample::Sample;
+use sample::{Found, Sample, SampleResult, StepResult};
 use scores::{HandScores, hand_scores};
 
 /// A judge of some hands: those of the first dataset, then those of the next.
@@ -37,6 +36,7 @@ impl Judge {
 
 impl Method for Judge {
     type Data = JudgeSample;
+    type Answer = JudgeAnswer;
 
     fn takes(_: &Grid) -> bool {
         true
@@ -84,7 +84,7 @@ impl Method for Judge {
         step::evaluate(vector, batch, &self.crops)
     }
 
-    fn own_scores(found: &[Found<JudgeSample>], _: f32) -> ([GraspErrors; 2], Option<HandScores>) {
+    fn own_scores(found: &[Found], _: f32) -> ([GraspErrors; 2], Option<HandScores>) {
         (Default::default(), Some(hand_scores(found)))
     }
 }

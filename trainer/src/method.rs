@@ -23,10 +23,16 @@ pub struct Epoch {
     pub train: LabelCount,
 }
 
+/// A sample of a method and its result.
+pub type FoundBy<M> = Found<<M as Method>::Data, <M as Method>::Answer>;
+
 /// A method, with what it needs besides the weights.
 pub trait Method: Debug + Send + Sync {
     /// What a sample has besides its grid.
     type Data: Copy + Debug + Send + Sync + 'static;
+
+    /// What only this method predicts of a sample.
+    type Answer: Copy + Debug + Send + Sync + 'static;
 
     /// The samples of a scene of a shard by attempt, and how many attempts have none.
     fn samples(&self, shard: &Shard<'_>, rows: Rows<'_>) -> (Vec<Sample<Self::Data>>, u64);
@@ -41,11 +47,13 @@ pub trait Method: Debug + Send + Sync {
     fn change(&self, epoch: &Epoch, scene: &Scene<Self::Data>, own: &mut [Sample<Self::Data>]) -> Arc<[f32]>;
 
     /// Loss and gradient of a batch.
-    fn step(&self, vector: &[f32], batch: &Batch<Self::Data>) -> StepResult;
+    fn step(&self, vector: &[f32], batch: &Batch<Self::Data>) -> StepResult<Self::Answer>;
 
     /// Losses and predictions of a batch, without a gradient.
-    fn evaluate(&self, vector: &[f32], batch: &Batch<Self::Data>) -> Vec<SampleResult>;
+    fn evaluate(&self, vector: &[f32], batch: &Batch<Self::Data>) -> Vec<SampleResult<Self::Answer>>;
 
     /// What only this method's results have: the errors of its grasps, of all and of the sure ones, or scores of hands.
-    fn own_scores(found: &[Found<Self::Data>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<HandScores>);
+    fn own_scores(found: &[FoundBy<Self>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<HandScores>)
+    where
+        Self: Sized;
 }

@@ -30,11 +30,10 @@ impl Tally {
     }
 
     /// Counts samples.
-    pub fn add(&mut self, samples: &[SampleResult]) {
+    pub fn add<A>(&mut self, samples: &[SampleResult<A>]) {
         for sample in samples {
             self.confusion.add(sample.label, sample.quality_logit > 0.0);
-            let [rotation, width] = sample.grasp.map_or([0.0; 2], |grasp| [grasp.rotation, grasp.width]);
-            let losses = [sample.total, sample.quality, rotation, width];
+            let losses = [sample.total, sample.quality, sample.rotation, sample.width];
             for (sum, loss) in self.sums.iter_mut().zip(losses) {
                 *sum += f64::from(loss);
             }
@@ -93,14 +92,16 @@ pub struct Summary {
 }
 
 /// The summary of each group of results.
-pub(crate) fn summaries<'a>(
-    results: impl Iterator<Item = (&'static str, &'a SampleResult)>,
+pub(crate) fn summaries<'a, A: 'a>(
+    results: impl Iterator<Item = (&'static str, &'a SampleResult<A>)>,
 ) -> BTreeMap<&'static str, Summary> {
     tallies(results).into_iter().map(|(name, tally)| (name, tally.summary())).collect()
 }
 
 /// The sums of each group of results.
-pub(crate) fn tallies<'a, K: Ord>(results: impl Iterator<Item = (K, &'a SampleResult)>) -> BTreeMap<K, Tally> {
+pub(crate) fn tallies<'a, K: Ord, A: 'a>(
+    results: impl Iterator<Item = (K, &'a SampleResult<A>)>,
+) -> BTreeMap<K, Tally> {
     let mut tallies = BTreeMap::<K, Tally>::new();
     for (key, result) in results {
         tallies.entry(key).or_default().add(std::slice::from_ref(result));

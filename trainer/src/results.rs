@@ -4,50 +4,39 @@ use rayon::prelude::*;
 
 use crate::batch::Sample;
 
-/// The losses of a sample and the network's prediction.
+/// The losses of a sample and the network's prediction, with what only its method predicts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SampleResult {
+pub struct SampleResult<A> {
     /// Eq. 5; of a judge the quality's.
     pub total: f32,
     /// Eq. 2, times the sample's weight; of a judge the cross-entropy of the outcomes.
     pub quality: f32,
+    /// Eq. 3 and 4; 0 for failures, and of a judge.
+    pub rotation: f32,
+    /// Squared error of the width in voxels; 0 for failures, and of a judge.
+    pub width: f32,
     /// Logit of the predicted grasp quality: a success is predicted where it is above 0.
     pub quality_logit: f32,
     /// The true label.
     pub label: u8,
-    /// The grasp, which a judge does not predict.
-    pub grasp: Option<GraspResult>,
-    /// What arithmetic alone says of a judge's hand ([`network::judge::Crop::clearance`]); not asked in training.
-    pub clearance: Option<f32>,
-    /// Of a judge where the attempt was repeated: the share of its repeats that it expects to hold, and the true one.
-    pub robustness: Option<(f32, f32)>,
-}
-
-/// The losses of a predicted grasp.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GraspResult {
-    /// Eq. 3 and 4; 0 for failures.
-    pub rotation: f32,
-    /// Squared error of the width in voxels; 0 for failures.
-    pub width: f32,
-    /// The predicted orientation as a unit quaternion xyzw.
-    pub predicted: [f32; 4],
+    /// What only the method predicts.
+    pub answer: A,
 }
 
 /// A sample of a set and its result, in memory for each.
-pub type Found<D> = (Sample<D>, SampleResult);
+pub type Found<D, A> = (Sample<D>, SampleResult<A>);
 
 /// The gradient of a batch's mean loss, and the results of its samples, in the batch's order.
 #[derive(Debug, Clone)]
-pub struct StepResult {
+pub struct StepResult<A> {
     /// Gradient in the order of the flat parameter vector.
     pub gradient: Vec<f32>,
     /// One result per sample.
-    pub samples: Vec<SampleResult>,
+    pub samples: Vec<SampleResult<A>>,
 }
 
 /// Adds the gradients of parts, each value in the order of parts.
-pub(crate) fn sum(parameters: usize, parts: Vec<StepResult>) -> StepResult {
+pub(crate) fn sum<A: Send + Sync>(parameters: usize, parts: Vec<StepResult<A>>) -> StepResult<A> {
     let mut gradient = vec![-0.0; parameters]; // adding to −0 changes no bit of a number
     let chunk = parameters.div_ceil(64);
     gradient.par_chunks_mut(chunk).enumerate().for_each(|(number, sum)| {

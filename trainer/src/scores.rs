@@ -25,7 +25,7 @@ impl Score {
 }
 
 /// The score of a result.
-pub(crate) fn score(result: &SampleResult) -> Score {
+pub(crate) fn score<A>(result: &SampleResult<A>) -> Score {
     Score { logit: result.quality_logit, held: result.label == 1 }
 }
 

@@ -24,13 +24,19 @@ use crate::data::{Rows, Shard};
 use crate::device::Device;
 use crate::judge::scores::HandScores;
 use crate::method::{Epoch, Method};
-use crate::results::{Found, SampleResult, StepResult};
+use crate::results;
 use crate::scores::GraspErrors;
 use augmentation::Augmentation;
 use errors::errors;
 use loss::{ClassWeights, Closings, Target};
 
 type Sample = crate::batch::Sample<VoxelSample>;
+/// The predicted orientation as a unit quaternion xyzw.
+pub type Answer = [f32; 4];
+/// A voxel's losses and prediction.
+pub type SampleResult = results::SampleResult<Answer>;
+type StepResult = results::StepResult<Answer>;
+type Found = results::Found<VoxelSample, Answer>;
 
 /// A supervised voxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,6 +85,7 @@ impl Voxel {
 
 impl Method for Voxel {
     type Data = VoxelSample;
+    type Answer = Answer;
 
     fn takes(grid: &Grid) -> bool {
         grid.resolution == RESOLUTION
@@ -126,7 +133,7 @@ impl Method for Voxel {
         step::evaluate(vector, batch, &self.params, &self.device)
     }
 
-    fn own_scores(found: &[Found<VoxelSample>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<HandScores>) {
+    fn own_scores(found: &[Found], voxel_size_m: f32) -> ([GraspErrors; 2], Option<HandScores>) {
         // Those with more than the paper's ε = 0.9.
         let sure = found.iter().filter(|(_, result)| result.quality_logit > libm::logf(9.0));
         ([errors(found.iter(), voxel_size_m), errors(sure, voxel_size_m)], None)

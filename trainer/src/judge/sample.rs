@@ -2,8 +2,13 @@
 
 use schema::{Outcome, Pose};
 
+use crate::results;
+
 /// A sample of a judge.
 pub(super) type Sample = crate::batch::Sample<JudgeSample>;
+pub(super) type SampleResult = results::SampleResult<JudgeAnswer>;
+pub(super) type StepResult = results::StepResult<JudgeAnswer>;
+pub(super) type Found = results::Found<JudgeSample, JudgeAnswer>;
 
 /// What a judge is asked, and how the attempt ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,4 +27,13 @@ pub struct JudgeSample {
     pub robustness: Option<f32>,
     /// Whether the hand hits the table, so that nothing is asked.
     pub hits_table: bool,
+}
+
+/// What only a judge predicts, and what arithmetic does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JudgeAnswer {
+    /// What arithmetic alone says of the hand ([`network::judge::Crop::clearance`]); not asked in training.
+    pub clearance: Option<f32>,
+    /// Where the attempt was repeated: the share of its repeats that are expected to hold, and the true one.
+    pub robustness: Option<[f32; 2]>,
 }

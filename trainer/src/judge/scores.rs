@@ -6,12 +6,9 @@ use network::checkpoint::Confusion;
 use schema::Approach;
 use serde::Serialize;
 
-use super::sample::{JudgeSample, Sample};
+use super::sample::{Found, Sample, SampleResult};
 use crate::metrics::{Summary, Tally, summaries};
-use crate::results::{Found, SampleResult};
 use crate::scores::{Ranking, Score, average_precision_by_scene, best_accuracy, calibration, ranking, score};
-
-type Answer = Found<JudgeSample>;
 
 /// Results of a judge that those over all samples hide.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -54,12 +51,9 @@ pub struct RobustnessScores {
 }
 
 impl RobustnessScores {
-    fn of(found: &[Answer]) -> Option<Self> {
-        let pairs: Vec<[f64; 2]> = found
-            .iter()
-            .filter_map(|(_, result)| result.robustness)
-            .map(|(expected, share)| [f64::from(expected), f64::from(share)])
-            .collect();
+    fn of(found: &[Found]) -> Option<Self> {
+        let pairs: Vec<[f64; 2]> =
+            found.iter().filter_map(|(_, result)| result.answer.robustness).map(|pair| pair.map(f64::from)).collect();
         let over_all = |value: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(value).sum::<f64>() / pairs.len() as f64;
         let mean = over_all(&|[_, share]| *share);
         (!pairs.is_empty()).then(|| Self {
@@ -119,9 +113,9 @@ pub struct Arithmetic {
 }
 
 impl Arithmetic {
-    fn of(asked: &'static str, found: &[Answer], value: fn(f32, bool) -> f32) -> Self {
-        let score = |(sample, result): &Answer| {
-            Some(Score { logit: value(result.clearance?, is_free(sample)), ..score(result) })
+    fn of(asked: &'static str, found: &[Found], value: fn(f32, bool) -> f32) -> Self {
+        let score = |(sample, result): &Found| {
+            Some(Score { logit: value(result.answer.clearance?, is_free(sample)), ..score(result) })
         };
         let all: Vec<Score> = found.iter().filter_map(score).collect();
         let free: Vec<Score> = found.iter().filter(|(sample, _)| is_free(sample)).filter_map(score).collect();
@@ -135,7 +129,7 @@ fn is_free(sample: &Sample) -> bool {
     !sample.data.hits_table
 }
 
-pub(super) fn hand_scores(found: &[Answer]) -> HandScores {
+pub(super) fn hand_scores(found: &[Found]) -> HandScores {
     let free = || found.iter().filter(|(sample, _)| is_free(sample));
     let of_scenes: Vec<(u32, Score)> = free().map(|(sample, result)| (sample.id.scene, score(result))).collect();
     let mut scenes = BTreeMap::<u32, (bool, Score)>::new();

@@ -10,9 +10,9 @@ use network::judge::{
 use rayon::prelude::*;
 use schema::Vec3;
 
-use super::sample::{JudgeSample, Sample};
+use super::sample::{JudgeAnswer, JudgeSample, Sample, SampleResult, StepResult};
 use crate::batch::Batch;
-use crate::results::{SampleResult, StepResult, sum};
+use crate::results::sum;
 
 /// Samples of a part of a batch, which one thread computes. It does not depend on the number of threads, so neither do
 /// results.
@@ -44,7 +44,8 @@ pub fn evaluate(vector: &[f32], batch: &Batch<JudgeSample>, crops: &[Crop]) -> V
     let network = JudgeNetwork::new(vector);
     let parts = batch.samples.par_chunks(PART).map(|samples| {
         let asked: Vec<Sample> = samples.iter().filter(|sample| !sample.data.hits_table).copied().collect();
-        let certain = |sample: &Sample| result(0.0, NEVER, Some(NEVER), sample);
+        let certain =
+            |sample: &Sample| result(0.0, NEVER, JudgeAnswer { clearance: Some(NEVER), robustness: None }, sample);
         if asked.is_empty() {
             return samples.iter().map(certain).collect();
         }
@@ -80,16 +81,16 @@ fn results<'a>(
     let crops = inputs.crops.chunks_exact(Crop::LEN);
     seen.logits().zip(samples).zip(crops).map(move |((logits, sample), crop)| {
         let loss = -libm::logf(probabilities(&logits)[sample.data.outcome as usize].max(f32::MIN_POSITIVE));
-        let robustness = sample.data.robustness.map(|share| (robustness(&logits), share));
+        let robustness = sample.data.robustness.map(|share| [robustness(&logits), share]);
         // Propagate NaN, so that training detects divergence.
         let loss = if logits.iter().all(|logit| logit.is_finite()) { loss } else { f32::NAN };
-        SampleResult { robustness, ..result(loss, quality_logit(&logits), clearance(crop), sample) }
+        result(loss, quality_logit(&logits), JudgeAnswer { clearance: clearance(crop), robustness }, sample)
     })
 }
 
-fn result(loss: f32, quality_logit: f32, clearance: Option<f32>, sample: &Sample) -> SampleResult {
+fn result(loss: f32, quality_logit: f32, answer: JudgeAnswer, sample: &Sample) -> SampleResult {
     let label = sample.data.outcome.label();
-    SampleResult { total: loss, quality: loss, quality_logit, label, grasp: None, clearance, robustness: None }
+    SampleResult { total: loss, quality: loss, rotation: 0.0, width: 0.0, quality_logit, label, answer }
 }
 
 /// The gradient of `weight` times the cross-entropies at the logits.

@@ -12,8 +12,8 @@
 use network::head::{ClosingsHead, TURNS, crossed, shares_of, turn_of, waves};
 use schema::Vec3;
 
+use super::SampleResult;
 use super::loss::{Closings, Target, WIDTH_WEIGHT, apart, quality_loss, quality_slope, target_width};
-use crate::results::{GraspResult, SampleResult};
 
 /// Weight of L_φ.
 pub const TURN_WEIGHT: f32 = 0.3;
@@ -51,8 +51,7 @@ pub fn sample_loss(head: &ClosingsHead, target: &Target) -> SampleResult {
         let tips: f32 = head.tips_voxels.iter().zip(target.tips_voxels).map(|(own, to)| (own - to) * (own - to)).sum();
         total += approach + TURN_WEIGHT * surprise + WIDTH_WEIGHT * width + TIPS_WEIGHT * tips;
     }
-    let grasp = Some(GraspResult { rotation, width, predicted });
-    SampleResult { total, quality, quality_logit, label: target.label, grasp, clearance: None, robustness: None }
+    SampleResult { total, quality, rotation, width, quality_logit, label: target.label, answer: predicted }
 }
 
 /// The gradient of `weight` · L at the outputs.

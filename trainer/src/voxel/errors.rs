@@ -2,21 +2,19 @@
 
 use schema::{Quat, Vec3};
 
-use super::VoxelSample;
 use super::loss::Closings;
-use crate::results::{Found, GraspResult};
+use super::{Found, SampleResult, VoxelSample};
 use crate::scores::{GraspErrors, Spread, rotation_error_deg};
 
 /// Of the held ones.
-pub(super) fn errors<'a>(found: impl Iterator<Item = &'a Found<VoxelSample>>, voxel_size_m: f32) -> GraspErrors {
-    let grasp = |(sample, result): &'a Found<VoxelSample>| Some((&sample.data, result.grasp.as_ref()?));
-    let held: Vec<_> = found.filter(|(_, result)| result.label == 1).filter_map(grasp).collect();
-    let over = |error: &dyn Fn(&VoxelSample, &GraspResult) -> f64| {
-        Spread::of(held.iter().map(|(sample, grasp)| error(sample, grasp)).collect())
+pub(super) fn errors<'a>(found: impl Iterator<Item = &'a Found>, voxel_size_m: f32) -> GraspErrors {
+    let held: Vec<_> = found.filter(|(_, result)| result.label == 1).collect();
+    let over = |error: &dyn Fn(&VoxelSample, &SampleResult) -> f64| {
+        Spread::of(held.iter().map(|(sample, grasp)| error(&sample.data, grasp)).collect())
     };
     // The cosine between an axis of the true hand and one of the predicted hand.
-    let cosine = |sample: &VoxelSample, axis: Vec3, grasp: &GraspResult, other: Vec3| {
-        (sample.target.rotation * axis).dot(Quat::from_array(grasp.predicted) * other)
+    let cosine = |sample: &VoxelSample, axis: Vec3, grasp: &SampleResult, other: Vec3| {
+        (sample.target.rotation * axis).dot(Quat::from_array(grasp.answer) * other)
     };
     let apart_deg = |cosine: f32| f64::from(libm::acosf(cosine.clamp(-1.0, 1.0)).to_degrees());
     GraspErrors {

@@ -18,7 +18,7 @@ use network::head::Head;
 use network::layers::NORM_SQUARED_MIN;
 use schema::Quat;
 
-use crate::results::{GraspResult, SampleResult};
+use super::SampleResult;
 
 /// k of Eq. 5: the weight of the squared error of the width in voxels.
 pub const WIDTH_WEIGHT: f32 = 0.01;
@@ -189,8 +189,7 @@ pub fn sample_loss(outputs: &Outputs, target: &Target) -> SampleResult {
     let off = width - target_width(target);
     let width = off * off * label;
     let total = quality + rotation + width * WIDTH_WEIGHT;
-    let grasp = Some(GraspResult { rotation, width, predicted: unit });
-    SampleResult { total, quality, quality_logit: logit, label: target.label, grasp, clearance: None, robustness: None }
+    SampleResult { total, quality, rotation, width, quality_logit: logit, label: target.label, answer: unit }
 }
 
 /// The gradient of `weight` · L at the outputs.
@@ -231,8 +230,7 @@ mod tests {
 
     fn losses(logit: f32, rotation: Quat, width: f32, target: Target) -> [f32; 4] {
         let result = sample_loss(&heads(logit, rotation, width), &target);
-        let grasp = result.grasp.unwrap();
-        [result.total, result.quality, grasp.rotation, grasp.width]
+        [result.total, result.quality, result.rotation, result.width]
     }
 
     #[test]
@@ -296,7 +294,7 @@ mod tests {
                     let moved = |by: f32| {
                         let mut heads = heads;
                         heads[at] += by;
-                        f64::from(sample_loss(&heads, &target).grasp.unwrap().rotation)
+                        f64::from(sample_loss(&heads, &target).rotation)
                     };
                     let slope = (moved(2e-3) - moved(-2e-3)) / 4e-3;
                     assert!((f64::from(gradient[at]) - slope).abs() < 1e-3, "{closings:?} {turn} {tilt} {at}");

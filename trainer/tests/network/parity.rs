@@ -13,7 +13,7 @@ use schema::Quat;
 use trainer::adam;
 use trainer::batch::Batch;
 use trainer::device::Device::Host;
-use trainer::results::SampleResult;
+use trainer::voxel::SampleResult;
 use trainer::voxel::VoxelSample;
 use trainer::voxel::graph::{dense, to_device};
 use trainer::voxel::loss::{Closings, Target};
@@ -118,8 +118,8 @@ fn losses_gradients_and_ten_adam_steps_are_pytorchs() {
                 for (name, losses) in [
                     ("total", losses(|s| s.total)),
                     ("quality", losses(|s| s.quality)),
-                    ("rotation", losses(|s| s.grasp.unwrap().rotation)),
-                    ("width", losses(|s| s.grasp.unwrap().width)),
+                    ("rotation", losses(|s| s.rotation)),
+                    ("width", losses(|s| s.width)),
                 ] {
                     let losses: Vec<f32> = losses;
                     let error = relative_error(&losses, &golden.floats(&format!("loss.{name}")));

@@ -112,7 +112,7 @@ mod tests {
     use schema::{Vec3, axis_angle};
 
     use super::*;
-    use crate::results::{GraspResult, SampleResult};
+    use crate::voxel::SampleResult;
     use crate::voxel::graph::step::prediction_of;
     use crate::voxel::loss::{loss_gradient, sample_loss};
 
@@ -128,8 +128,7 @@ mod tests {
 
     fn check(heads: [f32; 6], target: Target, weight: f32) {
         let (losses, gradient) = by_autodiff(heads, target, weight);
-        let SampleResult { total, quality, grasp, .. } = sample_loss(&heads, &target);
-        let GraspResult { rotation, width, .. } = grasp.unwrap();
+        let SampleResult { total, quality, rotation, width, .. } = sample_loss(&heads, &target);
         let bits = |values: &[f32]| values.iter().map(|value| (value + 0.0).to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&[total, quality, rotation, width]), bits(&losses), "{heads:?} {target:?}");
         assert_eq!(bits(&loss_gradient(&heads, &target, weight)), bits(&gradient), "{heads:?} {target:?}");
@@ -181,9 +180,8 @@ mod tests {
             prop_assume!(heads[1..5].iter().map(|part| part * part).sum::<f32>() > 0.1);
             let target = Target { tips_voxels: [0.0; 3], label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
             let (losses, gradient) = by_autodiff(heads, target, 1.0);
-            let SampleResult { total, quality, grasp, .. } = sample_loss(&heads, &target);
-            let GraspResult { rotation, width, .. } = grasp.unwrap();
-            let own = loss_gradient(&heads, &target, 1.0);
+            let SampleResult { total, quality, rotation, width, .. } = sample_loss(&heads, &target);
+                let own = loss_gradient(&heads, &target, 1.0);
             for (own, other) in [total, quality, rotation, width].iter().chain(&own).zip(losses.iter().chain(&gradient)) {
                 prop_assert!((own - other).abs() < 1e-4 * (1.0 + other.abs()), "{own} {other}");
             }

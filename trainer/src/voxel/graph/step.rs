@@ -13,8 +13,8 @@ use super::columns::{first_columns, input_rows};
 use super::doubling::{double_patches, doublings};
 use super::loss::{Prediction, SampleLosses, Targets, normalise, sample_losses};
 use super::{parameters, to_device};
-use crate::results::{GraspResult, SampleResult, StepResult};
 use crate::voxel::parts::BatchPart;
+use crate::voxel::{SampleResult, StepResult};
 
 /// The gradient of `weight` times the losses of a part of a batch, by autodiff. Graphs without a common leaf have no
 /// common lock, so each part copies the parameters and runs on its own thread.
@@ -146,11 +146,11 @@ fn results(part: &BatchPart<'_>, prediction: Prediction, losses: SampleLosses) -
         .map(|(at, (target, unit))| SampleResult {
             total: total[at],
             quality: quality[at],
-            grasp: Some(GraspResult { rotation: rotation[at], width: width[at], predicted: *unit }),
+            rotation: rotation[at],
+            width: width[at],
             quality_logit: logits[at],
             label: target.label,
-            clearance: None,
-            robustness: None,
+            answer: *unit,
         })
         .collect()
 }
