@@ -47,16 +47,16 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
     let generator::Config { physics, settle: params, grid, objects, .. } = &config.scene;
     let container = draw_container(&config.scene.container, seed, scene_id);
     let fixtures = container.map_or_else(Vec::new, |container| container.parts(grid));
-    let room = (grid, room_m(container.as_ref(), objects.side_m(grid)));
+    let room_m = room_m(container.as_ref(), objects.side_m(grid));
     match &config.objects {
         Objects::Pile { count } => {
             let objects = generator::ObjectParams { counts: vec![*count], count_weights: vec![1.0], ..objects.clone() };
-            settle(physics, params, grid, &fixtures, &draw_drops(&objects, room, f32::INFINITY, seed, scene_id, tries))
+            let drops = draw_drops(&objects, grid, room_m, f32::INFINITY, seed, scene_id, tries);
+            settle(physics, params, grid, &fixtures, &drops)
         }
         Objects::Packed { count, params: packed } => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
-            let within = (grid, container.as_ref());
-            let placed = draw_packed(objects, packed, within, f32::INFINITY, *count, &mut stream);
+            let placed = draw_packed(objects, packed, grid, container.as_ref(), f32::INFINITY, *count, &mut stream);
             settle_again(physics, params, grid, &fixtures, &placed)
         }
         Objects::Things(groups) => {
@@ -66,7 +66,7 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
                 body: thing.body.clone(),
                 mass_kg: thing.mass_kg,
                 friction: thing.friction,
-                workspace_from_object: draw_release(objects, room, thing.body.bounding_radius_m(), &mut stream),
+                workspace_from_object: draw_release(objects, grid, room_m, thing.body.bounding_radius_m(), &mut stream),
             };
             let mut drops: Vec<SceneObject> = things.iter().map(release).collect();
             stream.shuffle(&mut drops);

@@ -117,7 +117,7 @@ impl<'a> Bench<'a> {
             annotated,
             params,
             surface: Surface::of(body),
-            world: FloatingWorld::new(&PHYSICS, &params.gripper, &PROCEDURE, (body, *mass_kg, *friction)),
+            world: FloatingWorld::new(&PHYSICS, &params.gripper, &PROCEDURE, body, *mass_kg, *friction),
             loads: loads(params.test, &params.gripper),
             stable: stable_poses(&annotated.object, params.seed, params.drops),
             friction: params.gripper.friction * friction,

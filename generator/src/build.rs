@@ -109,9 +109,10 @@ pub fn make_scene_watched(
         // Nothing was proposed and nothing else is wanted.
         candidates = observed.draw(Source::Normals, count, &mut candidates_stream);
     }
-    let own = (&config.physics, config.gripper.of_scene(scene_id), &config.procedure);
-    let world = AttemptWorld::new(own.0, own.1, own.2, &scene);
-    let repeats = Repeats::of_scene(config.robustness.as_ref(), (config.seed, scene_id), own, &scene);
+    let (physics, hand, procedure) = (&config.physics, config.gripper.of_scene(scene_id), &config.procedure);
+    let world = AttemptWorld::new(physics, hand, procedure, &scene);
+    let robustness = config.robustness.as_ref();
+    let repeats = Repeats::of_scene(robustness, config.seed, scene_id, physics, hand, procedure, &scene);
     ended(Stage::Prepared)?;
 
     let mut execute = |(candidate, attempt_id): (&Candidate, u32)| {
@@ -163,7 +164,7 @@ fn settled_scene(
                 (placed, settled)
             }
             None => {
-                let drops = draw_drops(objects, (grid, room_m), span_m, *seed, scene_id, attempt);
+                let drops = draw_drops(objects, grid, room_m, span_m, *seed, scene_id, attempt);
                 let settled = settle(physics, params, grid, &fixtures, &drops);
                 (drops, settled)
             }
@@ -202,7 +203,7 @@ fn packed_scene(
     let is_packed = Stream::new(config.seed, scene_id, Purpose::Packed, 0).uniform(0.0, 1.0) < packed.share;
     let mut stream = Stream::new(config.seed, scene_id, Purpose::Packed, 1 + attempt);
     let count = *stream.weighted(&objects.counts, &objects.count_weights);
-    is_packed.then(|| draw_packed(objects, packed, (&config.grid, container), span_m, count, &mut stream))
+    is_packed.then(|| draw_packed(objects, packed, &config.grid, container, span_m, count, &mut stream))
 }
 
 /// The TSDF of a scene from its views.

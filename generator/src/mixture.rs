@@ -6,7 +6,7 @@
 
 use core::f32::consts::FRAC_PI_6;
 
-use grasps::{CandidateSampler, Judge, ObservedScene, ScoredGrasp};
+use grasps::{CandidateSampler, Judge, ObservedScene, ScoredGrasp, Search};
 use schema::{
     Approach, AttemptRecord, Grasp, ObjectRecord, Pose, Purpose, Rule, Stream, Vec3, View, VoxelGrid, axis_angle,
     pose_from_parts,
@@ -90,7 +90,7 @@ impl Observed<'_> {
         match source {
             _ if count == 0 => Vec::new(),
             Source::Rules => draw_candidates(objects, count, config.rule_closing, stream),
-            Source::Normals => draw_along_normals(config, (scene, objects), rays, views, count, stream),
+            Source::Normals => draw_along_normals(config, scene, objects, rays, views, count, stream),
             Source::Proposals => {
                 let sampler = CandidateSampler::new(gripper, config.procedure.pregrasp_distance_m);
                 let grasps = sampler.sample(tsdf, count * self.spares(), &mut own_stream(0));
@@ -140,7 +140,15 @@ impl Observed<'_> {
 fn best(judge: &Judge, seen: ObservedScene<'_>, count: usize, stream: &mut Stream) -> Vec<ScoredGrasp> {
     let mut best: Vec<ScoredGrasp> = Vec::with_capacity(count);
     let all = |hands: &[Grasp]| vec![true; hands.len()];
-    let (scored, _) = judge.scored_grasps(seen, ([JUDGED_OF; 2], APART_M), stream, (&[], &all), &|_| None);
+    let search = Search {
+        proposals: JUDGED_OF,
+        asked: JUDGED_OF,
+        apart_m: APART_M,
+        about_m: &[],
+        are_wanted: &all,
+        better: &|_| None,
+    };
+    let (scored, _) = judge.scored_grasps(seen, &search, stream);
     for scored in scored {
         if best.len() < count && best.iter().all(|better| !better.is_near(&scored, APART_M)) {
             best.push(scored);

@@ -62,7 +62,8 @@ impl Target {
 #[must_use]
 pub(crate) fn draw_along_normals(
     config: &Config,
-    (scene, objects): (&Scene, &[ObjectRecord]),
+    scene: &Scene,
+    objects: &[ObjectRecord],
     rays: &SceneRays,
     views: &[View],
     count: usize,
@@ -289,7 +290,7 @@ mod tests {
         // From the side of small x, so that faces towards large x are hidden.
         let views = [View { radius_m: 0.6, polar_rad: 1.0, azimuth_rad: core::f32::consts::PI }];
         let mut stream = Stream::new(4, 1, Purpose::Candidates, 0);
-        let drawn = draw_along_normals(&config, (&scene, &objects), &rays, &views, 602, &mut stream);
+        let drawn = draw_along_normals(&config, &scene, &objects, &rays, &views, 602, &mut stream);
         assert_eq!(drawn.len(), 602);
         let camera = camera_at(&views[0], &config.grid, config.camera.intrinsics());
         for point in drawn.chunks(YAWS) {

@@ -14,7 +14,8 @@ const DRAWS_MAX: usize = 1_000;
 #[must_use]
 pub fn draw_drops(
     params: &ObjectParams,
-    (grid, room_m): (&Grid, [f32; 2]),
+    grid: &Grid,
+    room_m: [f32; 2],
     span_m: f32,
     seed: u64,
     scene_id: u64,
@@ -27,7 +28,7 @@ pub fn draw_drops(
         .map(|_| {
             let drawn = draw_spanned(span_m, || draw_body(params, &mut objects), |(body, ..)| middle_width_m(body));
             let (body, mass_kg, friction) = drawn;
-            let workspace_from_object = draw_release(params, (grid, room_m), body.bounding_radius_m(), &mut drops);
+            let workspace_from_object = draw_release(params, grid, room_m, body.bounding_radius_m(), &mut drops);
             SceneObject { body, mass_kg, friction, workspace_from_object }
         })
         .collect()
@@ -86,12 +87,7 @@ fn draw_solid(params: &ObjectParams, stream: &mut Stream) -> Solid {
 /// A uniform position over a rectangle with sides `room_m` in the middle of the workspace, at which the object's
 /// bounding ball clears the walls, in a uniform orientation.
 #[must_use]
-pub fn draw_release(
-    params: &ObjectParams,
-    (grid, room_m): (&Grid, [f32; 2]),
-    radius_m: f32,
-    stream: &mut Stream,
-) -> Pose {
+pub fn draw_release(params: &ObjectParams, grid: &Grid, room_m: [f32; 2], radius_m: f32, stream: &mut Stream) -> Pose {
     let middle = 0.5 * grid.size_m;
     let [reach_x, reach_y] = room_m.map(|side_m| (0.5 * side_m - radius_m).max(0.0));
     let at = Vec3::new(

@@ -24,7 +24,8 @@ const MARGIN_M: f32 = 0.08;
 pub fn draw_packed(
     objects: &ObjectParams,
     params: &PackedParams,
-    (grid, container): (&Grid, Option<&Container>),
+    grid: &Grid,
+    container: Option<&Container>,
     span_m: f32,
     count: usize,
     stream: &mut Stream,
@@ -33,8 +34,8 @@ pub fn draw_packed(
     let mut taken: Vec<Footprint> = Vec::with_capacity(count);
     for _ in 0..count {
         let Some((body, mass_kg, friction, stance)) = draw_upright(objects, params, span_m, stream) else { continue };
-        let room = (grid, container, objects.side_m(grid));
-        if let Some((workspace_from_object, footprint)) = find_place(params.gap_m, room, &stance, &taken, stream) {
+        let place = find_place(params.gap_m, grid, container, objects.side_m(grid), &stance, &taken, stream);
+        if let Some((workspace_from_object, footprint)) = place {
             placed.push(SceneObject { body, mass_kg, friction, workspace_from_object });
             taken.push(footprint);
         }
@@ -83,7 +84,9 @@ fn draw_solid(objects: &ObjectParams, params: &PackedParams, stream: &mut Stream
 /// The first of at most [`TRIES_MAX`] positions at which the object hits nothing.
 fn find_place(
     gap_m: f32,
-    (grid, container, side_m): (&Grid, Option<&Container>, f32),
+    grid: &Grid,
+    container: Option<&Container>,
+    side_m: f32,
     stance: &Stance,
     taken: &[Footprint],
     stream: &mut Stream,
@@ -181,7 +184,7 @@ mod tests {
 
     fn drawn(params: &PackedParams, stream: &mut Stream) -> Vec<SceneObject> {
         let config = Config::load(None, Overrides::default()).unwrap();
-        draw_packed(&config.objects, params, (&Grid::PAPER, None), f32::INFINITY, 5, stream)
+        draw_packed(&config.objects, params, &Grid::PAPER, None, f32::INFINITY, 5, stream)
     }
 
     fn scene(number: u64) -> Vec<SceneObject> {
@@ -264,7 +267,7 @@ mod tests {
         let mut names = std::collections::BTreeSet::new();
         for number in 0..40 {
             let mut stream = Stream::new(3, number, Purpose::Objects, 0);
-            let placed = draw_packed(&config.objects, &params, (&Grid::PAPER, None), f32::INFINITY, 4, &mut stream);
+            let placed = draw_packed(&config.objects, &params, &Grid::PAPER, None, f32::INFINITY, 4, &mut stream);
             for object in &placed {
                 let corners = corners_m(object);
                 let [low, high] = schema::bounds_m(&corners);

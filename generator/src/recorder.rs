@@ -102,7 +102,9 @@ pub(crate) struct Recorder<'a> {
 impl<'a> Recorder<'a> {
     /// Of a grasp of object `target`.
     pub(crate) fn new(
-        (gripper, procedure, physics): (&'a Gripper, &Procedure, &Physics),
+        gripper: &'a Gripper,
+        procedure: &Procedure,
+        physics: &Physics,
         workspace_from_grasp: Pose,
         target: usize,
         at_rest: Vec<Pose>,

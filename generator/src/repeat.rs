@@ -61,7 +61,7 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
             }
             let found: Vec<Repeated> = some
                 .par_iter()
-                .map(|rows| repeat_scene(dataset, (&physics, &bodies, robustness.as_ref()), rows, is_same))
+                .map(|rows| repeat_scene(dataset, &physics, &bodies, robustness.as_ref(), rows, is_same))
                 .collect();
             for one in found {
                 repeated.attempts += one.attempts;
@@ -74,16 +74,18 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
 
 fn repeat_scene(
     dataset: &Dataset,
-    (physics, bodies, robustness): (&Physics, &[Body], Option<&RobustnessParams>),
+    physics: &Physics,
+    bodies: &[Body],
+    robustness: Option<&RobustnessParams>,
     rows: &SceneRows,
     is_same: fn(&AttemptRecord, &Execution) -> bool,
 ) -> Repeated {
     let (info, attempts) = (dataset.info(), &rows.attempts);
     let scene = Scene::from_records(info.grid.table_z_m, rows.scene.fixtures(&info.grid), &rows.objects, bodies);
     let scene_id = rows.scene.scene_id;
-    let own = (physics, info.hand_of(scene_id), &info.procedure);
-    let world = AttemptWorld::new(own.0, own.1, own.2, &scene);
-    let repeats = Repeats::of_scene(robustness, (info.seed, scene_id), own, &scene);
+    let (hand, procedure) = (info.hand_of(scene_id), &info.procedure);
+    let world = AttemptWorld::new(physics, hand, procedure, &scene);
+    let repeats = Repeats::of_scene(robustness, info.seed, scene_id, physics, hand, procedure, &scene);
     let again = |row: &AttemptRecord| {
         let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
         let attempt_id = row.attempt_id;

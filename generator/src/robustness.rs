@@ -47,8 +47,11 @@ impl<'a> Repeats<'a> {
     /// The repeats of a scene of a dataset, if it is one of those whose attempts are repeated.
     pub(crate) fn of_scene(
         params: Option<&'a RobustnessParams>,
-        (seed, scene_id): (u64, u64),
-        (physics, hand, procedure): (&'a Physics, &'a Gripper, &'a Procedure),
+        seed: u64,
+        scene_id: u64,
+        physics: &'a Physics,
+        hand: &'a Gripper,
+        procedure: &'a Procedure,
         scene: &Scene,
     ) -> Option<Self> {
         let params = params?;

@@ -123,7 +123,7 @@ fn objects_follow_the_config() {
     let mut counts = vec![0; objects.counts.len()];
     let mut sizes = Vec::new();
     for scene_id in 0..4_000 {
-        let drops = draw_drops(objects, (grid, [0.3; 2]), f32::INFINITY, config.seed, scene_id, 0);
+        let drops = draw_drops(objects, grid, [0.3; 2], f32::INFINITY, config.seed, scene_id, 0);
         let number = objects.counts.iter().position(|count| *count == drops.len()).unwrap();
         counts[number] += 1;
         for drop in &drops {

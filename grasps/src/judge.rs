@@ -1,12 +1,12 @@
 //! The judge decides: hands are proposed on what was seen, and the network says how each attempt would end.
 
 use network::checkpoint::Checkpoint;
-use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, Screen, probabilities, robustness};
+use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, Screen, probabilities, robustness};
 use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Pose, Stream, Vec3};
 
-use crate::{AreWanted, Better, CandidateSampler, ObservedScene, Space, kept};
+use crate::{AreWanted, CandidateSampler, ObservedScene, Search, Space, kept};
 
 /// Hands that one thread judges together.
 const TOGETHER: usize = 8;
@@ -104,34 +104,32 @@ impl Judge {
     pub fn scored_grasps(
         &self,
         seen: ObservedScene<'_>,
-        ([proposals, asked], apart_m): ([usize; 2], f32),
+        search: &Search<'_>,
         stream: &mut Stream,
-        (about_m, are_wanted): (&[Vec3], &AreWanted<'_>),
-        better: &Better<'_>,
     ) -> (Vec<ScoredGrasp>, usize) {
+        let Search { proposals, asked, apart_m, about_m, are_wanted, .. } = *search;
         let space = Space::new(seen.field, seen.fine, seen.reach_m);
-        let scene = (&space.padded, seen.views);
         let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), 0);
         let mut wanted = space.near(about_m, ABOUT_M);
         let mut known = self.still_good(&space, seen.known, are_wanted);
         let [proposals_less, asked_less] = if known.is_empty() { [1; 2] } else { KNOWN_LESS };
         let (proposals, asked) = (proposals / proposals_less, asked / asked_less);
         for [more, more_asked] in SEARCHES {
-            let hands = self.sampler.search(&space, (&wanted, are_wanted), more * proposals, stream);
+            let hands = self.sampler.search(&space, &wanted, are_wanted, more * proposals, stream);
             proposed += hands.len() + known.len();
-            let mut hands = self.likeliest(scene, hands, (more_asked * asked).saturating_sub(known.len()));
+            let mut hands = self.likeliest(&space, seen.views, hands, (more_asked * asked).saturating_sub(known.len()));
             hands.append(&mut known);
-            judged.extend(pair(&hands, &self.judge(scene, &hands, [false; 2])));
+            judged.extend(pair(&hands, &self.judge(&space, seen.views, &hands, [false; 2])));
             if hands.is_empty() || judged.iter().any(|judged| judged.quality() > SURE) {
                 break;
             }
             wanted = space.near(&hopeful_m(&judged), NEAR_M);
         }
         let (mut best, rest) = leaders(sorted(judged), apart_m);
-        self.move_where_better(scene, &mut best, (are_wanted, better), &space);
+        self.move_where_better(&space, seen.views, &mut best, search);
         let hands: Vec<Grasp> = best.iter().map(|judged| judged.grasp).collect();
         let mirrored = [[true, false], [false, true], [true, true]];
-        for outcomes in mirrored.map(|mirrored| self.judge(scene, &hands, mirrored)) {
+        for outcomes in mirrored.map(|mirrored| self.judge(&space, seen.views, &hands, mirrored)) {
             for (judged, (outcomes, robustness)) in best.iter_mut().zip(outcomes) {
                 judged.outcomes.iter_mut().zip(outcomes).for_each(|(sum, outcome)| *sum += outcome);
                 judged.robustness = judged.robustness.zip(robustness).map(|(sum, share)| sum + share);
@@ -151,10 +149,10 @@ impl Judge {
     /// is as sure of them.
     fn move_where_better(
         &self,
-        scene: (&PaddedGrid, usize),
-        best: &mut [ScoredGrasp],
-        (are_wanted, better): (&AreWanted<'_>, &Better<'_>),
         space: &Space<'_>,
+        views: usize,
+        best: &mut [ScoredGrasp],
+        Search { are_wanted, better, .. }: &Search<'_>,
     ) {
         let steps = best.par_iter().enumerate().flat_map_iter(|(place, judged)| {
             let there = better(&judged.grasp);
@@ -166,7 +164,7 @@ impl Judge {
         let hands: Vec<Grasp> = steps.iter().map(|(_, hand)| *hand).collect();
         let steps = kept(&steps, &are_wanted(&hands));
         let hands: Vec<Grasp> = steps.iter().map(|(_, hand)| *hand).collect();
-        let judged = pair(&hands, &self.judge(scene, &hands, [false; 2]));
+        let judged = pair(&hands, &self.judge(space, views, &hands, [false; 2]));
         let least: Vec<f32> = best.iter().map(|judged| judged.quality() - AS_SURE).collect();
         for ((place, _), there) in steps.into_iter().zip(judged) {
             if there.quality() >= least[place] {
@@ -184,11 +182,11 @@ impl Judge {
 
     /// Of many hands the `asked` ones that a quick look finds likeliest to hold, in their order: at last some that are
     /// apart from all others, so that all things are asked about.
-    fn likeliest(&self, (grid, views): (&PaddedGrid, usize), hands: Vec<Grasp>, asked: usize) -> Vec<Grasp> {
+    fn likeliest(&self, space: &Space<'_>, views: usize, hands: Vec<Grasp>, asked: usize) -> Vec<Grasp> {
         let Some(screen) = Screen::built_in().filter(|_| asked < hands.len()) else { return hands };
         let logits = |hands: &[Grasp]| {
             let poses: Vec<Pose> = hands.iter().map(|hand| hand.workspace_from_grasp).collect();
-            screen.logits(&self.crop, grid, views, &poses)
+            screen.logits(&self.crop, &space.padded, views, &poses)
         };
         let logits = hands.par_chunks(SCREENED).map(logits).collect::<Vec<_>>().concat();
         let mut order: Vec<usize> = (0..hands.len()).collect();
@@ -207,13 +205,13 @@ impl Judge {
     }
 
     /// What the network says of hands, which are seen mirrored or not.
-    fn judge(&self, (grid, views): (&PaddedGrid, usize), hands: &[Grasp], mirrored: [bool; 2]) -> Vec<Answer> {
+    fn judge(&self, space: &Space<'_>, views: usize, hands: &[Grasp], mirrored: [bool; 2]) -> Vec<Answer> {
         let is_robust = self.network.has_robustness();
         let answer = |logits| (probabilities(&logits), is_robust.then(|| robustness(&logits)));
         let together = |hands: &[Grasp]| -> Vec<Answer> {
             let mut inputs = JudgeInputs::with_capacity(hands.len());
             for Grasp { workspace_from_grasp, .. } in hands {
-                inputs.push(&self.crop, grid, workspace_from_grasp, views, mirrored);
+                inputs.push(&self.crop, &space.padded, workspace_from_grasp, views, mirrored);
             }
             self.network.forward(&inputs).logits().map(answer).collect()
         };

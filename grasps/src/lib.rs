@@ -99,6 +99,23 @@ pub type AreWanted<'a> = dyn Fn(&[Grasp]) -> Vec<bool> + 'a;
 /// Where a hand would fit better, if that is known: moved, and turned as it is.
 pub type Better<'a> = dyn Fn(&Grasp) -> Option<Grasp> + Sync + 'a;
 
+/// What hands a judge is to find.
+#[derive(Clone, Copy)]
+pub struct Search<'a> {
+    /// Number of hands to propose.
+    pub proposals: usize,
+    /// Of these, the number that the judge is asked about.
+    pub asked: usize,
+    /// Distance between the tips of the best ones.
+    pub apart_m: f32,
+    /// Places near which hands are proposed; none for anywhere.
+    pub about_m: &'a [Vec3],
+    /// Which hands may be proposed.
+    pub are_wanted: &'a AreWanted<'a>,
+    /// Where the best hands are moved.
+    pub better: &'a Better<'a>,
+}
+
 impl CandidateSampler {
     /// Prepares a hand that starts `pregrasp_distance_m` behind its grasp.
     #[must_use]
@@ -114,7 +131,7 @@ impl CandidateSampler {
     #[must_use]
     pub fn sample(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
         let space = Space::new(field, None, field.lattice.corners_m());
-        self.search(&space, (&Default::default(), &|hands| vec![true; hands.len()]), count, stream)
+        self.search(&space, &Default::default(), &|hands| vec![true; hands.len()], count, stream)
     }
 
     /// [`Self::sample`] in a scene that is prepared, for several searches, on the `wanted` points of its surfaces, of
@@ -122,7 +139,8 @@ impl CandidateSampler {
     fn search(
         &self,
         space: &Space<'_>,
-        (wanted, are_wanted): (&[Vec<usize>; 2], &AreWanted<'_>),
+        wanted: &[Vec<usize>; 2],
+        are_wanted: &AreWanted<'_>,
         count: usize,
         stream: &mut Stream,
     ) -> Vec<Grasp> {
@@ -132,7 +150,7 @@ impl CandidateSampler {
         }
         for _ in 0..(count * TRIES_MAX).div_ceil(ROUND) {
             let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&space.surfaces, wanted, stream)).collect();
-            let hand = |draw: &Draw| self.hand(space, space.surfaces[usize::from(draw.closes)][draw.point], draw);
+            let hand = |draw: &Draw| self.hand(space, draw);
             let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(hand).collect();
             let round: Vec<Grasp> = round.into_iter().flatten().collect();
             found.extend(kept(&round, &are_wanted(&round)));
@@ -144,8 +162,9 @@ impl CandidateSampler {
         found
     }
 
-    /// The hand of a draw at a point of the surface, if it is free.
-    fn hand(&self, space: &Space<'_>, (point_m, normal): (Vec3, Vec3), draw: &Draw) -> Option<Grasp> {
+    /// The hand of a draw at its point of the surface, if it is free.
+    fn hand(&self, space: &Space<'_>, draw: &Draw) -> Option<Grasp> {
+        let (point_m, normal) = space.surfaces[usize::from(draw.closes)][draw.point];
         let span_m = self.span_m;
         let (rotation, width_m, centre_m) = if draw.closes {
             let rotation = approach_about(normal, FRAC_PI_2 * draw.turn_rad, draw.flip);
@@ -321,7 +340,7 @@ mod tests {
         let corner_m = MIDDLE_M + HALF_M;
         let wanted = space.near(&[corner_m], 0.02);
         assert!(wanted.iter().zip(&space.surfaces).all(|(near, all)| !near.is_empty() && near.len() < all.len() / 2));
-        let near = sampler.search(&space, (&wanted, &every), 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let near = sampler.search(&space, &wanted, &every, 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         let off_m = |hands: &[Grasp]| {
             let off_m = hands.iter().map(|hand| (hand.workspace_from_grasp.translation - corner_m).length());
             off_m.sum::<f32>() / hands.len() as f32
@@ -331,7 +350,7 @@ mod tests {
         let is_steep = |hand: &Grasp| (hand.workspace_from_grasp.rotation * Vec3::Z).z < -0.8;
         let steep = |hands: &[Grasp]| hands.iter().map(is_steep).collect();
         // Others take the place of hands that are not wanted.
-        let found = sampler.search(&space, (&wanted, &steep), 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let found = sampler.search(&space, &wanted, &steep, 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         assert!(found.len() == 200 && found.iter().all(is_steep) && !near.iter().all(is_steep));
     }
 
@@ -364,7 +383,7 @@ mod tests {
         let fine = SurfaceBlocks::from(&fine);
         let space = Space::new(&field, Some(&fine), field.lattice.corners_m());
         let none = Default::default();
-        let hands = sampler.search(&space, (&none, &every), 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let hands = sampler.search(&space, &none, &every, 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         assert_eq!(hands.len(), 500);
         let [before_m, after_m] = [&coarse, &hands].map(|hands| deepest_m(&gripper, hands));
         // A millimetre is not in the way.
@@ -444,7 +463,9 @@ mod tests {
                 off_m.map(|off_m| Grasp { workspace_from_grasp: moved(off_m), ..*hand })
             };
             let mut stream = Stream::new(1, 0, Purpose::Proposals, 0);
-            let (hands, _) = judge.scored_grasps(seen, ([256, 64], 0.01), &mut stream, (&[], &every), &better);
+            let search =
+                Search { proposals: 256, asked: 64, apart_m: 0.01, about_m: &[], are_wanted: &every, better: &better };
+            let (hands, _) = judge.scored_grasps(seen, &search, &mut stream);
             hands.iter().map(|hand| hand.grasp.workspace_from_grasp.translation).collect()
         };
         let as_proposed_m = tips_m(None);

@@ -69,9 +69,10 @@ impl DenseNetwork {
         };
         let [n5, n10, n20] = [COARSEST, 2 * COARSEST, 4 * COARSEST];
         let parameters = Parameters::from_vector(voxel_layout(head), vector);
+        let (weights, bias) = parameters.stage(HEADS);
         Self {
             head,
-            heads: FoldedHeads::new(parameters.stage(HEADS), head.outputs(), LAST_SIDE, mode),
+            heads: FoldedHeads::new(weights, bias, head.outputs(), LAST_SIDE, mode),
             convs: [conv(0, RESOLUTION, 1), conv(1, n20, 1), conv(2, n10, 1), conv(3, n5, 0), conv(4, n10, 0), {
                 conv(5, n20, LAST.padding)
             }],

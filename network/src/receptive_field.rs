@@ -62,9 +62,9 @@ pub fn axis_windows(coordinate: usize, mode: Upsampling) -> [Vec<f32>; 3] {
     let conv2_out_start = mode.first_coarse(conv3_in_start);
     let conv2_in_start = conv2_out_start - LAYERS[4].padding() as isize;
     [
-        mode.window(COARSEST, (conv2_in_start, sizes.conv2_in), (0, COARSEST)),
-        mode.window(2 * COARSEST, (conv3_in_start, sizes.conv3_in), (conv2_out_start, sizes.conv2_out)),
-        mode.window(4 * COARSEST, (heads_start, sizes.heads_in), (conv3_out_start, sizes.conv3_out)),
+        mode.window(COARSEST, conv2_in_start, sizes.conv2_in, 0, COARSEST),
+        mode.window(2 * COARSEST, conv3_in_start, sizes.conv3_in, conv2_out_start, sizes.conv2_out),
+        mode.window(4 * COARSEST, heads_start, sizes.heads_in, conv3_out_start, sizes.conv3_out),
     ]
 }
 
@@ -72,7 +72,7 @@ pub fn axis_windows(coordinate: usize, mode: Upsampling) -> [Vec<f32>; 3] {
 #[must_use]
 pub fn window_from_whole_10(coordinate: usize, mode: Upsampling) -> Vec<f32> {
     let sizes = PatchSizes::new(mode);
-    mode.window(2 * COARSEST, (conv3_in_start(coordinate, mode), sizes.conv3_in), (0, 2 * COARSEST))
+    mode.window(2 * COARSEST, conv3_in_start(coordinate, mode), sizes.conv3_in, 0, 2 * COARSEST)
 }
 
 /// The positions at 10³ that one voxel coordinate depends on.

@@ -61,8 +61,10 @@ impl Upsampling {
     pub fn window(
         self,
         axis_len: usize,
-        (fine_start, fine_len): (isize, usize),
-        (coarse_start, coarse_len): (isize, usize),
+        fine_start: isize,
+        fine_len: usize,
+        coarse_start: isize,
+        coarse_len: usize,
     ) -> Vec<f32> {
         let mut matrix = vec![0.0; fine_len * coarse_len];
         for row in 0..fine_len {
@@ -105,7 +107,7 @@ mod tests {
             for fine_len in 1..10 {
                 for fine_start in -9..29_isize {
                     let (start, len) = (mode.first_coarse(fine_start), mode.coarse_len(fine_len));
-                    let matrix = mode.window(10, (fine_start, fine_len), (start, len));
+                    let matrix = mode.window(10, fine_start, fine_len, start, len);
                     for row in 0..fine_len {
                         let inside = (0..20).contains(&(fine_start + row as isize));
                         let sum: f32 = matrix[row * len..(row + 1) * len].iter().sum();

@@ -112,7 +112,7 @@ impl<'a> Sights<'a> {
             for ([j, k], kept) in starts.zip(bricks) {
                 let (along_y, along_z) = (j..(j + BRICK[1]).min(width), k..(k + BRICK[2]).min(height));
                 let brick = [along_x.clone(), along_y.clone(), along_z.clone()];
-                if !scratch.fuse(&self.0, (&lattice, &brick, truncation_m), kept, keeping) {
+                if !scratch.fuse(&self.0, &lattice, &brick, truncation_m, kept, keeping) {
                     continue;
                 }
                 let lines = along_x.clone().flat_map(|i| along_y.clone().map(move |j| [i - first, j]));
@@ -134,7 +134,7 @@ impl<'a> Sights<'a> {
         let truncation_m = truncation_m(lattice, truncation_voxels);
         let mut blocks = SurfaceBlocks::new(*lattice, &self.near_surfaces(lattice, truncation_m, seen));
         let mut bricks = vec![Brick::default(); blocks.len()];
-        self.fuse_blocks_into(&mut blocks, &mut bricks, truncation_voxels, (&Self::default(), Keeping::Nothing));
+        self.fuse_blocks_into(&mut blocks, &mut bricks, truncation_voxels, &Self::default(), Keeping::Nothing);
         blocks
     }
 
@@ -144,15 +144,16 @@ impl<'a> Sights<'a> {
         blocks: &mut SurfaceBlocks,
         bricks: &mut [Brick],
         truncation_voxels: f32,
-        (older, keeping): (&Self, Keeping),
+        older: &Self,
+        keeping: Keeping,
     ) {
         let (lattices, values) = blocks.parts_mut();
         let all = [0..VOXELS, 0..VOXELS, 0..VOXELS];
         let blocks = values.par_chunks_mut(VALUES).zip(lattices).zip(bricks).with_min_len(8);
         blocks.for_each_init(Scratch::default, |scratch, ((values, lattice), kept)| {
-            let place = (&lattice, &all, truncation_m(&lattice, truncation_voxels));
-            let has_older = kept.is_new() && scratch.fuse(&older.0, place, kept, keeping);
-            if scratch.fuse(&self.0, place, kept, keeping) || has_older {
+            let truncation_m = truncation_m(&lattice, truncation_voxels);
+            let has_older = kept.is_new() && scratch.fuse(&older.0, &lattice, &all, truncation_m, kept, keeping);
+            if scratch.fuse(&self.0, &lattice, &all, truncation_m, kept, keeping) || has_older {
                 values.chunks_mut(VOXELS).enumerate().for_each(|(line, values)| scratch.store(line, values));
             }
         });
@@ -399,7 +400,9 @@ impl Scratch {
     fn fuse(
         &mut self,
         sights: &[Sight],
-        (lattice, brick, truncation_m): (&Lattice, &[Range<usize>; 3], f32),
+        lattice: &Lattice,
+        brick: &[Range<usize>; 3],
+        truncation_m: f32,
         kept: &mut Brick,
         keeping: Keeping,
     ) -> bool {

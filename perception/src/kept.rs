@@ -49,7 +49,7 @@ impl KeptFields {
             *bricks = places.into_iter().map(kept).collect();
             *blocks = Arc::new(more);
         }
-        views.fuse_blocks_into(Arc::make_mut(blocks), bricks, truncation_voxels, (before, Keeping::Voxels));
+        views.fuse_blocks_into(Arc::make_mut(blocks), bricks, truncation_voxels, before, Keeping::Voxels);
     }
 
     /// The field, in VGN's values.

@@ -60,7 +60,7 @@ impl Tsdf {
         let mut column = Column::new(camera, &self.lattice);
         let slabs = self.mean.chunks_mut(width * height).zip(self.weight.chunks_mut(width * height));
         for (i, (mean, weight)) in slabs.enumerate() {
-            column.fuse_slab(i, self.truncation_m, &mut look_up, (mean, weight));
+            column.fuse_slab(i, self.truncation_m, &mut look_up, mean, weight);
         }
     }
 
@@ -152,7 +152,8 @@ impl Column {
         i: usize,
         truncation_m: f32,
         look_up: &mut impl FnMut(&[[usize; 2]], &mut [f32]),
-        (mean, weight): (&mut [f32], &mut [f32]),
+        mean: &mut [f32],
+        weight: &mut [f32],
     ) {
         let count = self.lattice.counts[2];
         for (j, (mean, weight)) in mean.chunks_mut(count).zip(weight.chunks_mut(count)).enumerate() {

@@ -1,6 +1,6 @@
 //! Grasps by a judge: collision-free candidates are proposed, and the judge says how likely each of them holds.
 
-use grasps::{Judge, ObservedScene, ScoredGrasp};
+use grasps::{Judge, ObservedScene, ScoredGrasp, Search};
 use schema::{Grasp, Grid, Purpose, Stream, Vec3};
 
 use crate::config::{Config, JudgeParams};
@@ -48,7 +48,7 @@ impl Method for JudgeMethod {
         let failed_m: Vec<Vec3> = options.avoid.iter().map(|failed| failed.translation).collect();
         let (about_m, centred) = (limiter.about_m(), |hand: &Grasp| widths.centred(hand));
         let JudgeParams { proposals, asked, apart_m, .. } = config.judge;
-        let counts = [proposals, asked.unwrap_or(proposals)];
+        let asked = asked.unwrap_or(proposals);
         // Hands whose tips are nearer to each other than this close on the same thing: it is no wider than they open.
         let other_m = 0.5 * config.gripper.opening_m_max;
         let mut ask = |off_m: &[Vec3]| {
@@ -61,7 +61,9 @@ impl Method for JudgeMethod {
                 };
                 hands.iter().zip(broken).map(|(hand, broken)| broken.is_none() && is_off(hand)).collect()
             };
-            self.judge.scored_grasps(seen, (counts, apart_m), &mut stream, (&about_m, &are_wanted), &centred)
+            let search =
+                Search { proposals, asked, apart_m, about_m: &about_m, are_wanted: &are_wanted, better: &centred };
+            self.judge.scored_grasps(seen, &search, &mut stream)
         };
         let epsilon = config.detection.quality_min;
         let (judged, proposed) = timed(timings_ms, "judge", || {

@@ -155,7 +155,7 @@ impl Drawing {
 
     /// A measure across, so many pixels below a height or, if negative, above it, between arrows; its words are beside
     /// it or at its middle.
-    fn across(&mut self, [from_m, to_m]: [f32; 2], at_z_m: f32, (off_px, is_beside): (f32, bool), name: &str) {
+    fn across(&mut self, [from_m, to_m]: [f32; 2], at_z_m: f32, off_px: f32, is_beside: bool, name: &str) {
         let (left, right, edge) = (self.x(from_m), self.x(to_m), self.y(at_z_m));
         let y = edge + off_px;
         for (x, outside) in [(left, -14.0), (right, 14.0)] {
@@ -192,17 +192,17 @@ impl Drawing {
         let [opening_m, palm_m] = [opening_m_max, palm_breadth_m].map(|wide_m| [-0.5 * wide_m, 0.5 * wide_m]);
         self.along([-finger_length_m, 0.0], edge_m, "finger_length_m");
         self.along([back_m, -finger_length_m], edge_m, "palm_length_m");
-        self.across(palm_m, back_m, (-14.0, false), "palm_breadth_m");
-        self.across(opening_m, 0.0, (64.0, false), "opening_m_max");
+        self.across(palm_m, back_m, -14.0, false, "palm_breadth_m");
+        self.across(opening_m, 0.0, 64.0, false, "opening_m_max");
         let finger_m = [opening_m[1], opening_m[1] + finger_thickness_m];
-        self.across(finger_m, 0.0, (30.0, true), "finger_thickness_m");
+        self.across(finger_m, 0.0, 30.0, true, "finger_thickness_m");
     }
 
     fn measures_against_y(&mut self, gripper: &Gripper, _breadth_m: f32) {
         let &Gripper { finger_length_m, finger_width_m, palm_length_m, palm_width_m, .. } = gripper;
         let [finger_m, palm_m] = [finger_width_m, palm_width_m].map(|wide_m| [-0.5 * wide_m, 0.5 * wide_m]);
-        self.across(palm_m, -finger_length_m - palm_length_m, (-14.0, false), "palm_width_m");
-        self.across(finger_m, 0.0, (64.0, false), "finger_width_m");
+        self.across(palm_m, -finger_length_m - palm_length_m, -14.0, false, "palm_width_m");
+        self.across(finger_m, 0.0, 64.0, false, "finger_width_m");
         if let Some(parts) = gripper.flange_from_grasp {
             self.along([-parts.pose().translation.z, 0.0], palm_m[0].min(finger_m[0]), "tips to flange");
         }

@@ -6,14 +6,14 @@
 //! 4. The outcome is the first that applies: `pregrasp_collision`, `approach_collision`, `empty`, `slipped`,
 //!    `hit_other`, `held`.
 
-use schema::{Engine, Gripper, HandBox, Outcome, Physics, Polyhedron, Pose, Procedure, Vec3};
+use schema::{Engine, Gripper, HandBox, Outcome, Physics, Pose, Procedure, Vec3};
 
 use crate::Scene;
-use crate::bodies::{AttemptEngine, RapierAttempt};
+use crate::bodies::{AttemptEngine, RapierAttempt, RapierThings};
 use crate::engine::EngineBody;
 use crate::gate::{Gate, Hit};
 use crate::shortcuts::{FreeClosing, LiftWatch};
-use crate::stepper::{Stepper, Things};
+use crate::stepper::{Jaws, Stepper, Things};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
 
 /// Fingers slower than this stand still …
@@ -53,7 +53,7 @@ pub struct AttemptWorld<'a> {
 /// Objects and fixtures as the engine wants them.
 pub(crate) enum Objects {
     Stepper(Things),
-    Rapier(Vec<(EngineBody, Pose)>, Vec<Polyhedron>),
+    Rapier(RapierThings),
 }
 
 impl<'a> AttemptWorld<'a> {
@@ -64,10 +64,10 @@ impl<'a> AttemptWorld<'a> {
         let Scene { objects, fixtures, .. } = scene;
         let objects = match physics.engine {
             Engine::Stepper => Objects::Stepper(Things::of(objects, fixtures)),
-            Engine::Rapier => Objects::Rapier(
-                objects.iter().map(|o| (EngineBody::of(o), o.workspace_from_object)).collect(),
-                fixtures.clone(),
-            ),
+            Engine::Rapier => Objects::Rapier(RapierThings {
+                bodies: objects.iter().map(|o| (EngineBody::of(o), o.workspace_from_object)).collect(),
+                fixtures: fixtures.clone(),
+            }),
         };
         let gate = Gate::new(scene, gripper, procedure);
         Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, objects }
@@ -174,13 +174,14 @@ impl<'a> AttemptWorld<'a> {
         match &self.objects {
             Objects::Stepper(things) => {
                 let (fingers, most_m) = (gripper.fingers(gripper.opening_m_max), 0.5 * gripper.opening_m_max);
-                let closed_m = (closed_m, self.gate.free_closing_m(workspace_from_grasp, &fingers, most_m));
-                Box::new(Stepper::new(physics, gripper, things, table_z_m, workspace_from_grasp, closed_m, all_awake))
+                let closed_m_max = self.gate.free_closing_m(workspace_from_grasp, &fingers, most_m);
+                let jaws = Jaws::new(gripper, closed_m, closed_m_max);
+                Box::new(Stepper::new(physics, jaws, things, table_z_m, workspace_from_grasp, all_awake))
             }
-            Objects::Rapier(bodies, fixtures) => Box::new(RapierAttempt::new(
+            Objects::Rapier(things) => Box::new(RapierAttempt::new(
                 physics,
                 gripper,
-                (bodies, fixtures),
+                things,
                 table_z_m,
                 workspace_from_grasp,
                 closed_m,

@@ -87,16 +87,22 @@ impl<T> Bodies for InRapier<T> {
     }
 }
 
+/// Objects and fixtures as rapier wants them.
+pub(crate) struct RapierThings {
+    pub(crate) bodies: Vec<(EngineBody, Pose)>,
+    pub(crate) fixtures: Vec<Polyhedron>,
+}
+
 /// The hand and its objects in rapier.
 pub(crate) type RapierAttempt = InRapier<Hand>;
 
 impl RapierAttempt {
-    /// The `bodies` at rest among `fixtures` on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose
+    /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose
     /// fingers have closed by `closed_m` each. Objects are asleep until touched, unless `all_awake`.
     pub(crate) fn new(
         physics: &Physics,
         gripper: &Gripper,
-        (bodies, fixtures): (&[(EngineBody, Pose)], &[Polyhedron]),
+        things: &RapierThings,
         table_z_m: f32,
         workspace_from_grasp: &Pose,
         closed_m: f32,
@@ -107,12 +113,12 @@ impl RapierAttempt {
         let mut world = World::new(physics, gravity_m_s2);
         world.add_table(&grasp_from_workspace, table_z_m, physics.table_friction);
         let add_fixture = |part| world.add_fixture(&grasp_from_workspace, part, physics.table_friction);
-        let fixtures = fixtures.iter().map(add_fixture).collect();
+        let fixtures = things.fixtures.iter().map(add_fixture).collect();
         let add = |(engine_body, workspace_from_object): &(EngineBody, Pose)| {
             let pose = grasp_from_workspace * *workspace_from_object;
             world.add_object(engine_body, pose, all_awake)
         };
-        let bodies = bodies.iter().map(add).collect();
+        let bodies = things.bodies.iter().map(add).collect();
         let hand = Hand::insert(&mut world, gripper, closed_m);
         Self { world, pipeline: PhysicsPipeline::new(), bodies, fixtures, beside: hand }
     }

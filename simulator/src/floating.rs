@@ -11,7 +11,7 @@ use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Quat, Vec3};
 use crate::attempt::{AttemptWorld, Execution, Objects, Stopping};
 use crate::bodies::{AttemptEngine as _, Bodies as _};
 use crate::shortcuts::FreeClosing;
-use crate::stepper::{Stepper, Turning};
+use crate::stepper::{Jaws, Stepper, Turning};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
 use crate::{Body, Obstruction, Scene, SceneObject};
 
@@ -116,7 +116,9 @@ impl<'a> FloatingWorld<'a> {
         physics: &'a Physics,
         gripper: &'a Gripper,
         procedure: &'a Procedure,
-        (body, mass_kg, friction): (&Body, f32, f32),
+        body: &Body,
+        mass_kg: f32,
+        friction: f32,
     ) -> Self {
         assert!(physics.engine == Engine::Stepper, "floating objects are the stepper's");
         let object = SceneObject { body: body.clone(), mass_kg, friction, workspace_from_object: Pose::IDENTITY };
@@ -170,11 +172,10 @@ impl<'a> FloatingWorld<'a> {
         let most_m = [0.5 * world.gripper.opening_m_max; 2];
         let mut stepper = Stepper::new(
             world.physics,
-            world.gripper,
+            Jaws::new(world.gripper, closed_m, most_m),
             things,
             world.table_z_m,
             object_from_grasp,
-            (closed_m, most_m),
             !world.physics.shortcuts,
         );
         stepper.accelerate(Vec3::ZERO, None);
@@ -428,7 +429,7 @@ mod tests {
     fn a_block_between_plates_holds_as_coulomb_says() {
         let (gripper, procedure) = (hand(), Procedure::PAPER);
         for (physics, mass_kg) in [(FAITHFUL, 2.0), (FAITHFUL, 0.7), (Physics::STANDARD, 2.0)] {
-            let world = FloatingWorld::new(&physics, &gripper, &procedure, (&block(), mass_kg, 0.6));
+            let world = FloatingWorld::new(&physics, &gripper, &procedure, &block(), mass_kg, 0.6);
             let grip = world.close(&about_it()).ok().unwrap();
             assert!((grip.width_m() - 0.04).abs() < 5e-4 && grip.closing().moved_m < 5e-4);
             let expected = 2.0 * gripper.friction * 0.6 * gripper.finger_force_n / mass_kg;
@@ -464,7 +465,7 @@ mod tests {
         let friction_n = gripper.friction * 0.6 * gripper.finger_force_n;
         let slides_m_s2 = 2.0 * friction_n;
         for (physics, beside_m) in [(FAITHFUL, 0.01), (FAITHFUL, 0.03), (FAITHFUL, 0.05), (Physics::STANDARD, 0.03)] {
-            let world = FloatingWorld::new(&physics, &gripper, &procedure, (&block, 1.0, 0.6));
+            let world = FloatingWorld::new(&physics, &gripper, &procedure, &block, 1.0, 0.6);
             let grip = world.close(&Pose::from_translation(Vec3::new(-beside_m, 0.0, 0.015))).ok().unwrap();
             let expected = turns_at_m_s2(friction_n, 1.0, [0.5 * gripper.finger_width_m, 0.01], beside_m);
             assert!(expected < 0.9 * slides_m_s2, "{expected} of {slides_m_s2} m/s²: it turns first");
@@ -482,9 +483,9 @@ mod tests {
         let (gripper, procedure) = (hand(), Procedure::PAPER);
         let body: Body = Solid::new(ShapeKind::Cuboid, Vec3::new(0.02, 0.04, 0.07)).unwrap().into();
         let away = Pose::from_translation(Vec3::new(0.0, 0.0, -0.5));
-        let world = FloatingWorld::new(&FAITHFUL, &gripper, &procedure, (&body, 0.3, 0.6));
+        let world = FloatingWorld::new(&FAITHFUL, &gripper, &procedure, &body, 0.3, 0.6);
         let Objects::Stepper(things) = &world.world.objects else { unreachable!() };
-        let mut stepper = Stepper::new(&FAITHFUL, &gripper, things, -FAR_M, &away, (0.0, [0.04; 2]), true);
+        let mut stepper = Stepper::new(&FAITHFUL, Jaws::new(&gripper, 0.0, [0.04; 2]), things, -FAR_M, &away, true);
         let pivot_m = Vec3::new(0.02, -0.03, 0.0);
         let axis = Vec3::new(1.0, 2.0, -0.5).normalize();
         let start = stepper.centre_m(0);
@@ -511,7 +512,7 @@ mod tests {
     fn a_shake_loses_what_coulomb_cannot_hold() {
         let (gripper, procedure) = (hand(), Procedure::PAPER);
         let mass_kg = 1.0;
-        let world = FloatingWorld::new(&FAITHFUL, &gripper, &procedure, (&block(), mass_kg, 0.5));
+        let world = FloatingWorld::new(&FAITHFUL, &gripper, &procedure, &block(), mass_kg, 0.5);
         let grip = world.close(&about_it()).ok().unwrap();
         let holds_m_s2 = 2.0 * gripper.friction * 0.5 * gripper.finger_force_n / mass_kg;
         let rate_hz = 4.0;
@@ -531,7 +532,7 @@ mod tests {
     #[test]
     fn what_cannot_be_closed_on_says_why() {
         let (gripper, procedure) = (hand(), Procedure::PAPER);
-        let world = FloatingWorld::new(&Physics::STANDARD, &gripper, &procedure, (&block(), 0.1, 1.0));
+        let world = FloatingWorld::new(&Physics::STANDARD, &gripper, &procedure, &block(), 0.1, 1.0);
         let ends =
             |at: Vec3| world.close(&Pose::from_translation(at)).map_or_else(|end| end.outcome, |_| Outcome::Held);
         assert_eq!(ends(Vec3::new(0.0, 0.0, -0.1)), Outcome::Empty);

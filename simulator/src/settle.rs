@@ -61,7 +61,7 @@ pub fn settle(
     let stands = |fixture: &Polyhedron| bottom_z_m(fixture) < grid.table_z_m + STANDS_M;
     let (standing, hung): (Vec<Polyhedron>, Vec<Polyhedron>) = fixtures.iter().cloned().partition(stands);
     let things = things(physics, &standing, drops);
-    let mut pile = Pile::new((physics, params, grid), &standing, drops, &things);
+    let mut pile = Pile::new(physics, params, grid, &standing, drops, &things);
     pile.heap.add_walls(grid.size_m);
     for (drop, known) in drops.iter().zip(0..) {
         let fall = Fall::until_near(physics, params, lowest_z_m(drop) - pile.top_z_m(&drops[..known]));
@@ -107,7 +107,7 @@ pub fn settle_again(
     loop {
         all_sane(&objects, grid)?;
         let things = things(physics, fixtures, &objects);
-        let mut pile = Pile { steps, ..Pile::new((physics, params, grid), fixtures, &objects, &things) };
+        let mut pile = Pile { steps, ..Pile::new(physics, params, grid, fixtures, &objects, &things) };
         for object in &objects {
             pile.add(&object.workspace_from_object, Vec3::ZERO);
         }
@@ -147,7 +147,9 @@ fn things(physics: &Physics, fixtures: &[Polyhedron], objects: &[SceneObject]) -
 impl<'a> Pile<'a> {
     /// A table with `fixtures` for `objects`, of which none is there yet.
     fn new(
-        (physics, params, grid): (&'a Physics, &'a SettleParams, &'a Grid),
+        physics: &'a Physics,
+        params: &'a SettleParams,
+        grid: &'a Grid,
         fixtures: &'a [Polyhedron],
         objects: &[SceneObject],
         things: &'a Things,

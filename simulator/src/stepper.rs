@@ -16,16 +16,16 @@ mod shape;
 #[cfg(test)]
 mod tests;
 
-use schema::{Gripper, Physics, Pose, Quat, Vec3};
+use schema::{Physics, Pose, Quat, Vec3};
 use wide::f32x4;
 
 use crate::bodies::{AttemptEngine, Bodies};
 use crate::contact::{Contact as Pressing, ContactBody};
 use contact::{Answer, Contact, Contacts, Double, Motion, Pass, Relative, Single, Touched, lanes};
-use jaws::Jaws;
 use patch::{Frame, Patch, Scratch};
 use shape::Thing;
 
+pub(crate) use jaws::Jaws;
 pub(crate) use shape::{Things, Wide3, span, wide};
 
 /// rapier's damping ratio of contact springs.
@@ -171,20 +171,19 @@ fn axes_of(rotation: Quat) -> [Vec3; 3] {
 }
 
 impl<'a> Stepper<'a> {
-    /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose fingers have closed
-    /// by `closed_m` each and can close by `closed_m_max`. Things are asleep until touched, unless `all_awake`.
+    /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp`. Things are asleep until
+    /// touched, unless `all_awake`.
     pub(crate) fn new(
         physics: &Physics,
-        gripper: &Gripper,
+        jaws: Jaws,
         things: &'a Things,
         table_z_m: f32,
         workspace_from_grasp: &Pose,
-        (closed_m, closed_m_max): (f32, [f32; 2]),
         all_awake: bool,
     ) -> Self {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let mut stepper = Self::empty(physics, things, table_z_m, &grasp_from_workspace);
-        stepper.jaws = Jaws::new(gripper, closed_m, closed_m_max);
+        stepper.jaws = jaws;
         let body = |thing: &Thing| Body::new(thing, &(grasp_from_workspace * thing.workspace_from_object), all_awake);
         stepper.bodies.extend(things.moving.iter().map(body));
         stepper

@@ -16,7 +16,8 @@ const AVERAGED_FROM: f64 = 10.0;
 /// 1992).
 pub fn averaged_step(
     moments: &mut Option<Moments>,
-    (learning_rate, decay): (f64, f64),
+    learning_rate: f64,
+    decay: f64,
     mean: &mut [f32],
     gradient: &[f32],
 ) {
@@ -66,7 +67,7 @@ mod tests {
         for number in 1..=40 {
             let gradient = draws();
             step(&mut moments, 3e-2, &mut plain, &gradient);
-            averaged_step(&mut of_mean, (3e-2, 0.7), &mut mean, &gradient);
+            averaged_step(&mut of_mean, 3e-2, 0.7, &mut mean, &gradient);
             let kept = if number < 20 { f64::from(1 + number) / f64::from(10 + number) } else { 0.7 };
             let kept = kept.min(0.7);
             slow.iter_mut()

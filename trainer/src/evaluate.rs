@@ -103,7 +103,6 @@ pub fn evaluate(
     let checkpoint = checkpoint::read(path)?;
     let dataset = Dataset::open(data)?;
     let trained_on = trained_on(&checkpoint, &dataset, set)?;
-    let set = (set, trained_on);
     match &checkpoint.architecture {
         Architecture::Voxel(params) => {
             // Weights from elsewhere have no recipe.
@@ -112,12 +111,12 @@ pub fn evaluate(
                 config::Method::Judge => None,
             };
             let targets = targets.or_else(own).unwrap_or(Targets::Attempt);
-            evaluated(Voxel::new(*params, targets, Device::Host), &checkpoint, &dataset, set, path)
+            evaluated(Voxel::new(*params, targets, Device::Host), &checkpoint, &dataset, set, trained_on, path)
         }
         Architecture::Judge(scope) => {
             let hands = dataset.info().hands();
             hands.iter().try_for_each(|hand| scope.must_match(hand, &dataset.info().grid))?;
-            evaluated(Judge::new(scope, hands.iter()), &checkpoint, &dataset, set, path)
+            evaluated(Judge::new(scope, hands.iter()), &checkpoint, &dataset, set, trained_on, path)
         }
     }
 }
@@ -126,7 +125,8 @@ fn evaluated<M: Method>(
     method: M,
     checkpoint: &Checkpoint,
     dataset: &Dataset,
-    (set, trained_on): (TestSet, String),
+    set: TestSet,
+    trained_on: String,
     path: &Path,
 ) -> Result<Evaluation, Failure> {
     let found = results(method, checkpoint, dataset, set, path)?;
@@ -187,7 +187,7 @@ fn results<M: Method>(
     let set_of = |mark: u8| (if let Some(set) = wanted { mark == set as u8 } else { mark != NO_SAMPLE }).then_some(0);
     let order = SceneOrder::ascending(&samples.marks, |mark| set_of(mark).is_some());
     let mut found = Vec::new();
-    for_each_batch(&samples, (&order, 0), steps_in_order(&samples.marks, &order, BATCH, set_of), None, |_, batch| {
+    for_each_batch(&samples, &order, 0, steps_in_order(&samples.marks, &order, BATCH, set_of), None, |_, batch| {
         let results = samples.method.evaluate(&checkpoint.vector, &batch);
         found.extend(batch.samples.into_iter().zip(results));
         ControlFlow::Continue(())

@@ -295,7 +295,7 @@ impl<M: Method> Training<'_, M> {
         let start = steps.by_ref().take(state.progress.batch as usize).last().map_or(0, |last| last.done);
         let epoch = Epoch { seed: self.config.seed, number: epoch, train: self.train };
         let mut outcome = Ok(());
-        for_each_batch(self.samples, (&order, start), steps, Some(&epoch), |_, batch| {
+        for_each_batch(self.samples, &order, start, steps, Some(&epoch), |_, batch| {
             if self.is_stopped() {
                 return ControlFlow::Break(());
             }
@@ -321,7 +321,7 @@ impl<M: Method> Training<'_, M> {
         match self.config.training.average_decay {
             0.0 => adam::step(&mut state.moments, learning_rate, &mut state.vector, &result.gradient),
             decay => {
-                adam::averaged_step(&mut state.moments, (learning_rate, decay), &mut state.vector, &result.gradient);
+                adam::averaged_step(&mut state.moments, learning_rate, decay, &mut state.vector, &result.gradient);
             }
         }
         let mut tally = Tally::of(&state.progress);
@@ -342,7 +342,8 @@ impl<M: Method> Training<'_, M> {
         let mut tallies = [Tally::default(); 2];
         for_each_batch(
             self.samples,
-            (&order, 0),
+            &order,
+            0,
             steps_in_order(marks, &order, TEST_BATCH, set_of),
             None,
             |set, batch| {

@@ -66,7 +66,7 @@ pub fn split(marks: &mut [SplitBits], seed: u64, config: &SplitConfig) -> Result
                         continue;
                     }
                 };
-                labels.put(marks, (scene, attempt, mark), set);
+                labels.put(marks, scene, attempt, mark, set);
             }
         }
         (labels, near)
@@ -81,7 +81,7 @@ pub fn split(marks: &mut [SplitBits], seed: u64, config: &SplitConfig) -> Result
     for (rank, (_, scene, attempt, mark)) in near.into_iter().enumerate() {
         let set = if rank < left { Set::TestAttempts } else { Set::Train };
         let shard = shard_of(marks, scene);
-        labels.put(&mut marks[shard], (scene, attempt, mark), set);
+        labels.put(&mut marks[shard], scene, attempt, mark, set);
     }
     let counts = [labels.train, labels.test_attempts, labels.test_scenes].map(|set| set.samples);
     if counts.contains(&0) {
@@ -133,7 +133,7 @@ fn samples_of(marks: &SplitBits, scene: u32) -> Vec<(u32, u8)> {
 
 impl Labels {
     /// Puts a sample into a set.
-    fn put(&mut self, marks: &mut SplitBits, (scene, attempt, mark): (u32, u32, u8), set: Set) {
+    fn put(&mut self, marks: &mut SplitBits, scene: u32, attempt: u32, mark: u8, set: Set) {
         let is_useless = set == Set::Train && mark == HITS_TABLE;
         marks.set(scene, attempt, if is_useless { NO_SAMPLE } else { set as u8 });
         let own = match set {

@@ -71,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     };
     let patience = Duration::from_secs(arguments.planner_timeout_s.into());
     let served = Served::connect(&Server { url: url.clone(), patience, tip_depth_m: arguments.tip_depth })?;
-    execute_with(&config, &served, &arguments.out, (threads, &stop), command_line())
+    execute_with(&config, &served, &arguments.out, threads, &stop, command_line())
 }
 
 fn tip_depth(text: &str) -> Result<f32, String> {
@@ -110,7 +110,7 @@ pub(crate) fn execute(
     stop: &AtomicBool,
     command: String,
 ) -> Result<ExitCode, Failure> {
-    execute_with(config, &config.planner()?, out, (threads, stop), command)
+    execute_with(config, &config.planner()?, out, threads, stop, command)
 }
 
 /// The same with any planner.
@@ -118,7 +118,8 @@ fn execute_with(
     config: &Config,
     planner: &dyn Plans,
     out: &Path,
-    (threads, stop): (usize, &AtomicBool),
+    threads: usize,
+    stop: &AtomicBool,
     command: String,
 ) -> Result<ExitCode, Failure> {
     let bar = progress_bar(config.round_count());

@@ -168,7 +168,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         bar.set_position(begun);
         bar.set_message(object.object.body.name().to_owned());
         let on_grasps = |made: usize| bar.set_position(begun + made as u64);
-        let Some(info) = one(object, (&params, given.as_ref()), arguments, &stop, &on_grasps)? else {
+        let Some(info) = one(object, &params, given.as_ref(), arguments, &stop, &on_grasps)? else {
             bar.finish_and_clear();
             print_error(&format!("stopped: {number} of {} objects are complete; run again to go on", objects.len()));
             return Ok(ExitCode::TryAgain);
@@ -190,7 +190,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 /// signal came.
 fn one(
     object: &Annotated,
-    (params, given): (&AnnotateParams, Option<&GivenGrasps>),
+    params: &AnnotateParams,
+    given: Option<&GivenGrasps>,
     arguments: &Arguments,
     stop: &AtomicBool,
     on_grasps: &dyn Fn(usize),

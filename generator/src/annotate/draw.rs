@@ -90,7 +90,7 @@ impl Draw<'_> {
 
     /// A hand that closes along a direction about a point, from the first of so many sides from which it can come; the
     /// `deep` share of the way in.
-    fn reached(&self, (middle_m, closing): (Vec3, Vec3), around: f32, deep: f32, sides: u32) -> Option<Pose> {
+    fn reached(&self, middle_m: Vec3, closing: Vec3, around: f32, deep: f32, sides: u32) -> Option<Pose> {
         let length_m = self.params.gripper.finger_length_m;
         (0..sides).find_map(|side| {
             let rotation = closing_along(closing, TAU * (around + side as f32 / sides as f32));
@@ -115,7 +115,7 @@ impl Draw<'_> {
         let mut pairs = self.pairs(point, inwards).into_iter();
         pairs.any(|across| {
             let middle_m = 0.5 * (point.at_m + across.at_m);
-            self.reached((middle_m, inwards), 0.0, 0.0, SIDES).is_some()
+            self.reached(middle_m, inwards, 0.0, 0.0, SIDES).is_some()
         })
     }
 
@@ -130,7 +130,7 @@ impl Draw<'_> {
             return None;
         }
         let middle_m = 0.5 * (point.at_m + pairs[stream.index(pairs.len())].at_m);
-        self.reached((middle_m, closing), around, deep, APPROACHES)
+        self.reached(middle_m, closing, around, deep, APPROACHES)
     }
 
     fn along_normal(&self, number: u64, stream: &mut Stream) -> Option<Pose> {

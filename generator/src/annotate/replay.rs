@@ -44,7 +44,7 @@ pub fn grasp_replays<T: Send>(
     };
     let body = Body::of_model(&model).map_err(|error| Failure::new(ExitCode::Data, error.to_string()))?;
     let [low_m, high_m] = bounds_m(set.parts.iter().flat_map(|part| part.corners_m()));
-    let world = FloatingWorld::new(&PHYSICS, gripper, &PROCEDURE, (&body, *mass_kg, *friction));
+    let world = FloatingWorld::new(&PHYSICS, gripper, &PROCEDURE, &body, *mass_kg, *friction);
     let replay = |number: &u64| show(replay(&world, set, *number, 0.5 * (low_m + high_m)));
     Ok(numbers.par_iter().map(replay).collect())
 }
@@ -53,7 +53,7 @@ pub fn grasp_replays<T: Send>(
 fn replay(world: &FloatingWorld<'_>, set: &ObjectGrasps, number: u64, origin_m: Vec3) -> GraspReplay {
     let (gripper, given) = (&set.gripper, set.grasps[number as usize].object_from_grasp);
     let grasp = Pose::from_parts(given.translation - origin_m, given.rotation);
-    let mut recorder = Recorder::new((gripper, &PROCEDURE, &PHYSICS), grasp, 0, vec![Pose::IDENTITY]);
+    let mut recorder = Recorder::new(gripper, &PROCEDURE, &PHYSICS, grasp, 0, vec![Pose::IDENTITY]);
     recorder.approach(world.obstruction(&grasp).as_ref());
     let (outcome, width_m) = match world.close_watched(&grasp, Some(&mut recorder)) {
         Err(execution) => (execution.outcome, execution.width_m),
@@ -121,7 +121,7 @@ mod tests {
         let held = AnnotateParams { grasps: 1, drops: 0, is_held_only: true, ..AnnotateParams::default() };
         let set = annotate(&annotated, &held, &mut |_| true).unwrap();
         let body = Body::from(cuboid);
-        let world = FloatingWorld::new(&PHYSICS, &set.gripper, &PROCEDURE, (&body, 0.2, 0.6));
+        let world = FloatingWorld::new(&PHYSICS, &set.gripper, &PROCEDURE, &body, 0.2, 0.6);
         let GraspReplay { recording, outcome, .. } = replay(&world, &set, 0, origin_m);
         assert_eq!(outcome, Outcome::Held);
         let closes = recording.events.iter().find(|event| event.text == "close").unwrap().frame;

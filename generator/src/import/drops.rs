@@ -38,7 +38,7 @@ impl TestDrops {
         let mut drops = Self::default();
         for number in 0..count {
             let mut stream = Stream::new(SEED, u64::from(number), Purpose::TestDrops, 0);
-            let workspace_from_object = draw_release(objects, (grid, [grid.size_m; 2]), radius_m, &mut stream);
+            let workspace_from_object = draw_release(objects, grid, [grid.size_m; 2], radius_m, &mut stream);
             let object = SceneObject { body: body.clone(), mass_kg, friction, workspace_from_object };
             match settle(physics, params, grid, &[], &[object]) {
                 Ok(_) => drops.rested += 1,

@@ -76,7 +76,7 @@ impl Doubling {
 
     /// The doubling of a whole volume of `n` positions a side, with so many zeros around what comes out.
     pub(crate) fn of_volume(n: usize, padding: usize, mode: Upsampling) -> Self {
-        let matrix = mode.window(n, (-(padding as isize), 2 * (n + padding)), (0, n));
+        let matrix = mode.window(n, -(padding as isize), 2 * (n + padding), 0, n);
         Self(core::array::from_fn(|_| Axis::new(&matrix, n)))
     }
 

@@ -39,12 +39,12 @@ type Fold = Vec<f32>;
 impl FoldedHeads {
     /// From the heads' stage, `[fan in, columns]` and `[columns]`, of which the first `outputs` are used, for a volume
     /// of `n` coarse cells a side.
-    pub(crate) fn new((weights, bias): (&[f32], &[f32]), outputs: usize, n: usize, mode: Upsampling) -> Self {
+    pub(crate) fn new(weights: &[f32], bias: &[f32], outputs: usize, n: usize, mode: Upsampling) -> Self {
         let columns = (PHASES * outputs).next_multiple_of(LANES);
         let padding = LAYERS[HEADS].padding() as isize;
         let fold = |cell: usize, phase: usize| -> Fold {
             let (cell, phase) = (cell as isize, phase as isize);
-            mode.window(n, (2 * cell + phase - padding, KERNEL), (cell - padding, KERNEL))
+            mode.window(n, 2 * cell + phase - padding, KERNEL, cell - padding, KERNEL)
         };
         let folds: Vec<[Fold; 2]> = [0, n / 2, n - 1].map(|cell| [fold(cell, 0), fold(cell, 1)]).to_vec();
         let used: Vec<f32> = weights.chunks_exact(bias.len()).flat_map(|row| row[..outputs].to_vec()).collect();

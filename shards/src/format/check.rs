@@ -182,11 +182,11 @@ pub(crate) fn scene_rows(rows: &SceneRows, info: &DatasetInfo) -> Checked {
 fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
     count("object_count", scene.object_count, objects.len())?;
     count("attempt_count", scene.attempt_count, attempts.len())?;
-    for (expected, object) in (0_u32..).zip(objects) {
-        ids("object", (scene.scene_id, expected), (object.scene_id, object.object_id))?;
+    for (expected, object) in (0..).zip(objects) {
+        ids("object", [scene.scene_id, expected], [object.scene_id, object.object_id.into()])?;
     }
-    for (expected, attempt) in (0_u32..).zip(attempts) {
-        ids("attempt", (scene.scene_id, expected), (attempt.scene_id, attempt.attempt_id))?;
+    for (expected, attempt) in (0..).zip(attempts) {
+        ids("attempt", [scene.scene_id, expected], [attempt.scene_id, attempt.attempt_id.into()])?;
         let target = objects.get(attempt.object_id as usize).ok_or_else(|| {
             format!("attempt {expected} has no target: object {} of {}", attempt.object_id, objects.len())
         })?;
@@ -282,12 +282,10 @@ fn count(name: &str, said: u32, found: usize) -> Checked {
     must(said as usize == found, || format!("{name} must be the number of rows, {found}, got {said}"))
 }
 
-fn ids(table: &str, expected: (u64, u32), got: (u64, u32)) -> Checked {
+fn ids(table: &str, expected: [u64; 2], got: [u64; 2]) -> Checked {
+    let ([scene, number], [other_scene, other]) = (expected, got);
     must(expected == got, || {
-        format!(
-            "{table} ids must count up: expected scene {} number {}, got {} {}",
-            expected.0, expected.1, got.0, got.1
-        )
+        format!("{table} ids must count up: expected scene {scene} number {number}, got {other_scene} {other}")
     })
 }
 

@@ -11,7 +11,7 @@ const STOP_M: f32 = 0.001;
 
 /// A hand's palm and fingers.
 #[derive(Clone)]
-pub(super) struct Jaws {
+pub(crate) struct Jaws {
     /// As when the hand is open and at the origin.
     boxes: [HandBox; 3],
     /// How far each finger can close.
@@ -48,7 +48,7 @@ struct Finger {
 impl Jaws {
     /// A hand at the origin, its fingers closed by `closed_m` each, and closing if that is above 0; they end at
     /// `closed_m_max`.
-    pub(super) fn new(gripper: &Gripper, closed_m: f32, closed_m_max: [f32; 2]) -> Self {
+    pub(crate) fn new(gripper: &Gripper, closed_m: f32, closed_m_max: [f32; 2]) -> Self {
         let [left, right] = gripper.fingers(gripper.opening_m_max);
         let speed_m_s = if closed_m > 0.0 { gripper.closing_speed_m_s } else { 0.0 };
         let finger = |(opened, inward): (HandBox, f32)| Finger {

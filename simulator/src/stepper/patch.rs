@@ -143,7 +143,7 @@ fn face_on_plane(up: Vec3, height_m: f32, part: &Part, scratch: &mut Scratch) ->
         return None;
     }
     ring_of(part, hull, hull.face_towards(-up), &mut scratch.polygon);
-    let patch = reduce(&scratch.polygon, (up, height_m), up, None, &mut scratch.near);
+    let patch = reduce(&scratch.polygon, up, height_m, up, None, &mut scratch.near);
     let corner = || {
         // The lowest corner need not belong to the face that looks down most.
         let height = |corner: &Vec3| up.dot(*corner);
@@ -315,7 +315,7 @@ impl TurnedBox {
                 let mut out = Vec3::ZERO;
                 out[k] = 1.0_f32.copysign(normal[k]);
                 let crossing = crossing.map(|point| (frame.in_world(point) - self.world_centre_m, best.gap_m));
-                let patch = reduce(&scratch.polygon, (out, self.half_m[k]), normal, crossing, &mut scratch.near)?;
+                let patch = reduce(&scratch.polygon, out, self.half_m[k], normal, crossing, &mut scratch.near)?;
                 Some(Patch { points_m: patch.points_m.map(|p| p + self.world_centre_m), ..patch })
             }
             Side::Second(face) => {
@@ -339,8 +339,8 @@ impl TurnedBox {
                 }
                 // Seen from the part, the other body is the box.
                 let crossing = crossing.map(|point| (point - best.normal * best.gap_m, best.gap_m));
-                let plane = (out, hull.offsets_m[face]);
-                let patch = reduce(&scratch.polygon, plane, -best.normal, crossing, &mut scratch.near)?;
+                let offset_m = hull.offsets_m[face];
+                let patch = reduce(&scratch.polygon, out, offset_m, -best.normal, crossing, &mut scratch.near)?;
                 Some(frame.world(&patch.flipped()))
             }
         }
@@ -359,7 +359,7 @@ pub(super) fn between(
     let at_m = second_frame.in_body(first_frame.origin_m);
     let mut seen = core::mem::take(&mut scratch.seen);
     seen.see(&first.hull, &axes, at_m);
-    let found = between_hulls((first, &seen), (second, &second.hull), scratch);
+    let found = between_hulls(first, &seen, second, &second.hull, scratch);
     scratch.seen = seen;
     match found {
         Ok(patch) => Ok(second_frame.world(&patch)),
@@ -368,8 +368,10 @@ pub(super) fn between(
 }
 
 fn between_hulls(
-    (first, a): (&Part, &Hull),
-    (second, b): (&Part, &Hull),
+    first: &Part,
+    a: &Hull,
+    second: &Part,
+    b: &Hull,
     scratch: &mut Scratch,
 ) -> Result<Patch, Option<Vec3>> {
     let apart = b.centre_m - a.centre_m;
@@ -397,7 +399,7 @@ fn between_hulls(
             }
         }
     }
-    let patch = patch_of_hulls((first, a), (second, b), &best, None, scratch);
+    let patch = patch_of_hulls(first, a, second, b, &best, None, scratch);
     if let Some(patch) = patch.filter(|patch| best.gap_m > -OVERLAP_M && patch.is_as_deep_as(best.gap_m)) {
         return Ok(patch);
     }
@@ -442,14 +444,16 @@ fn between_hulls(
     let is_first = a.normals[a_face].dot(normal) >= -b.normals[b_face].dot(normal);
     let face = if is_first { Side::First(a_face) } else { Side::Second(b_face) };
     let best = Best { gap_m: least_m, face, normal };
-    patch_of_hulls((first, a), (second, b), &best, Some(on_m), scratch).ok_or(None)
+    patch_of_hulls(first, a, second, b, &best, Some(on_m), scratch).ok_or(None)
 }
 
 /// The points of two hulls' contact along an axis. `crossing` is a point of the second's edge that crosses one of the
 /// first's.
 fn patch_of_hulls(
-    (first, a): (&Part, &Hull),
-    (second, b): (&Part, &Hull),
+    first: &Part,
+    a: &Hull,
+    second: &Part,
+    b: &Hull,
     best: &Best,
     crossing: Option<Vec3>,
     scratch: &mut Scratch,
@@ -465,7 +469,7 @@ fn patch_of_hulls(
                 clip(scratch, side, side.dot(from));
             }
             let crossing = crossing.map(|point| (point, best.gap_m));
-            reduce(&scratch.polygon, (out, a.offsets_m[face]), best.normal, crossing, &mut scratch.near)
+            reduce(&scratch.polygon, out, a.offsets_m[face], best.normal, crossing, &mut scratch.near)
         }
         Side::Second(face) => {
             ring_of(first, a, a.face_towards(best.normal), &mut scratch.polygon);
@@ -473,8 +477,8 @@ fn patch_of_hulls(
                 clip(scratch, *side, *offset_m);
             }
             let crossing = crossing.map(|point| (point - best.normal * best.gap_m, best.gap_m));
-            let plane = (b.normals[face], b.offsets_m[face]);
-            reduce(&scratch.polygon, plane, -best.normal, crossing, &mut scratch.near).map(Patch::flipped)
+            let (out, offset_m) = (b.normals[face], b.offsets_m[face]);
+            reduce(&scratch.polygon, out, offset_m, -best.normal, crossing, &mut scratch.near).map(Patch::flipped)
         }
     }
 }
@@ -534,7 +538,8 @@ fn clip(scratch: &mut Scratch, normal: Vec3, offset_m: f32) {
 /// normal is the axis. Where edges cross, none is deeper than the crossing.
 fn reduce(
     polygon: &[Vec3],
-    (out, offset_m): (Vec3, f32),
+    out: Vec3,
+    offset_m: f32,
     axis: Vec3,
     crossing: Option<(Vec3, f32)>,
     near: &mut Vec<(Vec3, f32)>,

@@ -6,7 +6,7 @@ use wide::f32x4;
 
 use super::patch::{Frame, PREDICTION_M, Scratch, between, on_box, on_plane};
 use super::shape::{Part, Thing, Things};
-use super::{Body, Stepper};
+use super::{Body, Jaws, Stepper};
 use crate::bodies::Bodies;
 use crate::engine::UNITS_PER_M;
 use crate::gate::tests::{V, points, widest_gap};
@@ -35,7 +35,7 @@ fn alone(moving: Vec<Thing>) -> Things {
 /// workspace's.
 fn stepper<'a>(physics: &Physics, things: &'a Things, motions: &[[Vec3; 2]]) -> Stepper<'a> {
     let hand_at = Pose::from_translation(Vec3::new(0.0, 0.0, 10.0));
-    let mut stepper = Stepper::new(physics, &gripper(), things, TABLE_Z_M, &hand_at, (0.0, [0.04; 2]), true);
+    let mut stepper = Stepper::new(physics, Jaws::new(&gripper(), 0.0, [0.04; 2]), things, TABLE_Z_M, &hand_at, true);
     for (body, [velocity_m_s, spin_rad_s]) in stepper.bodies.iter_mut().zip(motions) {
         (body.velocity_m_s, body.spin_rad_s) = (*velocity_m_s, *spin_rad_s);
     }

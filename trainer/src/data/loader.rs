@@ -29,7 +29,8 @@ const AHEAD_SCENES: usize = 128;
 /// If a scene cannot be read.
 pub fn for_each_batch<M: Method>(
     dataset: &GraspDataset<'_, M>,
-    (order, start): (&SceneOrder, usize),
+    order: &SceneOrder,
+    start: usize,
     steps: impl Iterator<Item = Step> + Send,
     epoch: Option<&Epoch>,
     mut visit: impl FnMut(usize, Batch<M::Data>) -> ControlFlow<()>,

@@ -29,7 +29,7 @@ impl Heaps {
         let mut heaps = Self::default();
         for scene_id in 0..scenes {
             let drops =
-                draw_drops(&config.objects, (&config.grid, [config.grid.size_m; 2]), f32::INFINITY, 9810, scene_id, 0);
+                draw_drops(&config.objects, &config.grid, [config.grid.size_m; 2], f32::INFINITY, 9810, scene_id, 0);
             match settle(&physics, &params, &config.grid, &[], &drops) {
                 Ok(settled) => heaps.add(&settled),
                 Err(_) => heaps.rejected += 1,

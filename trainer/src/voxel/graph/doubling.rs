@@ -14,7 +14,7 @@ use network::upsampling::Upsampling;
 #[must_use]
 pub fn double(input: Tensor<5>, mode: Upsampling) -> Tensor<5> {
     let n = input.dims()[2];
-    let window = TensorData::new(mode.window(n, (0, 2 * n), (0, n)), [1, 2 * n, n]);
+    let window = TensorData::new(mode.window(n, 0, 2 * n, 0, n), [1, 2 * n, n]);
     let matrix = Tensor::from_data(window, &input.device());
     double_patches(input.permute([0, 2, 3, 4, 1]), [&matrix; 3]).permute([0, 4, 1, 2, 3])
 }

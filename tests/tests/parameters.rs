@@ -1,0 +1,98 @@
+//! Parameters of functions. A tuple among them hides how many there are: values that belong together are a struct, and
+//! others stand alone.
+
+use workspace_tests::{assert_none, files};
+
+/// Functions that may take a tuple, at most ten, with their file. A row that no function needs any more must go.
+const ALLOWED: &[(&str, &str)] = &[
+    // A point of plotters' pictures is a pair; the first implements its trait.
+    ("report/src/figure.rs", "map"),
+    ("report/src/figure/intervals.rs", "line"),
+    ("report/src/figure/intervals.rs", "write"),
+];
+
+/// What is still to be changed.
+const LATER: &[&str] = &["planner/", "experiments/", "python/src/plan.rs"];
+
+/// What stands between the commas of the bracket with which a text begins, and the text after it.
+fn bracket(text: &str) -> (Vec<&str>, &str) {
+    let (mut parts, mut depth, mut start, mut before) = (Vec::new(), 0, 1, ' ');
+    for (at, letter) in text.char_indices() {
+        match letter {
+            '(' | '[' | '{' | '<' => depth += 1,
+            ')' | ']' | '}' => depth -= 1,
+            '>' if !"-=".contains(before) => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 || (depth == 1 && letter == ',') {
+            parts.push(text[start..at].trim());
+            start = at + 1;
+        }
+        if depth == 0 {
+            parts.retain(|part| !part.is_empty());
+            return (parts, &text[start..]);
+        }
+        before = letter;
+    }
+    (parts, "")
+}
+
+/// Whether a parameter's type is a tuple, or a reference to one.
+fn is_tuple(parameter: &str) -> bool {
+    let is_whole = |pattern: &str| {
+        ["()", "[]", "{}"].iter().all(|pair| {
+            let count = |at: usize| pattern.matches(&pair[at..=at]).count();
+            count(0) == count(1)
+        })
+    };
+    let mut colons = parameter.match_indices(": ").map(|(at, _)| at);
+    let Some(colon) = colons.find(|at| is_whole(&parameter[..*at])) else { return false };
+    let mut kind = parameter[colon + 2..].trim_start();
+    while let Some(referred) = kind.strip_prefix('&') {
+        let referred =
+            if referred.starts_with('\'') { referred.split_once(' ').map_or("", |(_, rest)| rest) } else { referred };
+        kind = referred.strip_prefix("mut ").unwrap_or(referred);
+    }
+    kind.starts_with('(') && bracket(kind).0.len() > 1
+}
+
+/// The functions of a text outside of its unit tests that take a tuple.
+fn with_tuples(text: &str) -> Vec<String> {
+    let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(text);
+    let code: Vec<&str> = code.lines().map(|line| line.split("//").next().unwrap_or(line)).collect();
+    let code = code.join("\n");
+    let mut found = Vec::new();
+    for (at, word) in code.match_indices("fn ").filter(|(at, _)| *at == 0 || code[..*at].ends_with([' ', '\n'])) {
+        let rest = &code[at + word.len()..];
+        let name = &rest[..rest.find(|letter: char| letter != '_' && !letter.is_alphanumeric()).unwrap_or(0)];
+        let rest = &rest[name.len()..];
+        let list = if rest.starts_with('<') { bracket(rest).1 } else { rest };
+        if list.starts_with('(') && bracket(list).0.into_iter().any(is_tuple) {
+            found.push(name.to_owned());
+        }
+    }
+    found
+}
+
+#[test]
+fn tuples_are_found() {
+    let text = "fn a(x: u8, (y, z): (u8, &[u8; 2])) {}\nfn b<T: Fn(&u8) -> u8>(&self, at: &'a mut (u8, T)) {}\n\
+                fn c(x: (), f: &(dyn Fn(u8, u8) -> (u8, u8) + Sync), v: Vec<(u8, u8)>, P { x: (y, _), .. }: P) {}\n\
+                #[cfg(test)]\nmod tests {\n    fn d((x, y): (u8, u8)) {}\n}\n";
+    assert_eq!(with_tuples(text), ["a", "b"]);
+}
+
+#[test]
+fn functions_take_no_tuples() {
+    let is_product = |path: &str| path.ends_with(".rs") && path.contains("/src/") && !path.starts_with("fuzz/");
+    let mut found = Vec::new();
+    for file in files(|path| is_product(path) && !LATER.iter().any(|later| path.starts_with(later))) {
+        found.extend(with_tuples(&file.text).into_iter().map(|name| (file.path.clone(), name)));
+    }
+    let is_row = |(path, name): &(String, String)| ALLOWED.contains(&(path, name));
+    let needless = ALLOWED.iter().filter(|(path, name)| !found.contains(&((*path).to_owned(), (*name).to_owned())));
+    let needless = needless.map(|(path, name)| format!("{path}: {name} takes no tuple and needs no row in ALLOWED"));
+    let unlisted = found.iter().filter(|row| !is_row(row)).map(|(path, name)| format!("{path}: {name} takes a tuple"));
+    assert_none("parameters", &unlisted.chain(needless).collect::<Vec<_>>());
+    assert!(ALLOWED.len() <= 10);
+}
