@@ -359,7 +359,7 @@ pub(super) fn between(
     let at_m = second_frame.in_body(first_frame.origin_m);
     let mut seen = core::mem::take(&mut scratch.seen);
     seen.see(&first.hull, &axes, at_m);
-    let found = between_hulls(first, &seen, second, &second.hull, scratch);
+    let found = between_hulls(first, &seen, second, scratch);
     scratch.seen = seen;
     match found {
         Ok(patch) => Ok(second_frame.world(&patch)),
@@ -367,13 +367,8 @@ pub(super) fn between(
     }
 }
 
-fn between_hulls(
-    first: &Part,
-    a: &Hull,
-    second: &Part,
-    b: &Hull,
-    scratch: &mut Scratch,
-) -> Result<Patch, Option<Vec3>> {
+fn between_hulls(first: &Part, a: &Hull, second: &Part, scratch: &mut Scratch) -> Result<Patch, Option<Vec3>> {
+    let b = &second.hull;
     let apart = b.centre_m - a.centre_m;
     let mut best = Best { gap_m: f32::NEG_INFINITY, face: Side::First(0), normal: Vec3::Z };
     for (face, (normal, offset_m)) in a.normals.iter().zip(&a.offsets_m).enumerate() {
@@ -399,7 +394,7 @@ fn between_hulls(
             }
         }
     }
-    let patch = patch_of_hulls(first, a, second, b, &best, None, scratch);
+    let patch = patch_of_hulls(first, a, second, &best, None, scratch);
     if let Some(patch) = patch.filter(|patch| best.gap_m > -OVERLAP_M && patch.is_as_deep_as(best.gap_m)) {
         return Ok(patch);
     }
@@ -444,7 +439,7 @@ fn between_hulls(
     let is_first = a.normals[a_face].dot(normal) >= -b.normals[b_face].dot(normal);
     let face = if is_first { Side::First(a_face) } else { Side::Second(b_face) };
     let best = Best { gap_m: least_m, face, normal };
-    patch_of_hulls(first, a, second, b, &best, Some(on_m), scratch).ok_or(None)
+    patch_of_hulls(first, a, second, &best, Some(on_m), scratch).ok_or(None)
 }
 
 /// The points of two hulls' contact along an axis. `crossing` is a point of the second's edge that crosses one of the
@@ -453,11 +448,11 @@ fn patch_of_hulls(
     first: &Part,
     a: &Hull,
     second: &Part,
-    b: &Hull,
     best: &Best,
     crossing: Option<Vec3>,
     scratch: &mut Scratch,
 ) -> Option<Patch> {
+    let b = &second.hull;
     match best.face {
         Side::First(face) => {
             ring_of(second, b, b.face_towards(-best.normal), &mut scratch.polygon);
