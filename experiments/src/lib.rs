@@ -2,9 +2,8 @@
 //! every result carries its protocol's name and an interval.
 //!
 //! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], dropped or
-//! packed), [`offer`] says what a planner is asked, [`served`] is one behind an address, [`round`] runs one round,
-//! [`run`] runs all of them into a [`journal`], [`statistics`] computes the rates, and [`finish`] writes [`tables`] and
-//! a [`report`].
+//! packed), [`offer`] says what a planner is asked, [`round`] runs one round, [`run`] runs all of them into a
+//! [`journal`], [`statistics`] computes the rates, and [`finish`] writes [`tables`] and a [`report`].
 
 pub mod config;
 mod files;
@@ -15,7 +14,6 @@ pub mod record;
 pub mod report;
 pub mod round;
 pub mod run;
-pub mod served;
 pub mod start;
 pub mod statistics;
 pub mod tables;

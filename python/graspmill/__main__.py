@@ -1,10 +1,11 @@
-"""The program: ``graspmill plan …``, or ``python -m graspmill plan …``. The export of datasets and files of others' grasps
-are Python's, all else native."""
+"""The program: ``graspmill plan …``, or ``python -m graspmill plan …``. What meets files and programs of others is Python's,
+all else native."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from typing import Callable
 
 EXPORT = "Write the dataset as the files that VGN's and GIGA's code trains on, as Parquet for old readers, or its scenes for simulators."
 EXAMPLES = """Examples:
@@ -20,6 +21,8 @@ def main() -> int:
     """Runs the command that the arguments name; returns its exit code."""
     if sys.argv[1:3] == ["dataset", "export"]:
         return _export(sys.argv[3:])
+    if sys.argv[1:3] in (["experiment", "run"], ["experiments", "run"]) and _asks_another(sys.argv[3:]):
+        return _experiment(sys.argv[3:])
     from graspmill import _annotate_command, _native
 
     if _annotate_command.is_ours(sys.argv[1:]):
@@ -65,6 +68,70 @@ def _export(words: list[str]) -> int:
     except GraspmillError as error:
         why, code = str(error), error.exit_code
     print(f"error: {why}", file=sys.stderr)
+    return code
+
+
+def _asks_another(words: list[str]) -> bool:
+    """Whether an experiment is to ask the planner of others; the native program has the help."""
+    return any(word.partition("=")[0] == "--planner" for word in words) and not {"-h", "--help"} & {*words}
+
+
+def _experiment(words: list[str]) -> int:
+    import os
+    import shlex
+    import signal
+    from pathlib import Path
+
+    from graspmill import GraspmillError, _native
+    from graspmill._served import ServedPlanner
+    from graspmill.experiments import play
+
+    def between(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], float]:
+        def read(text: str) -> float:
+            if not low <= (value := kind(text)) <= high:
+                raise argparse.ArgumentTypeError(f"must be between {low} and {high}, got {text}")
+            return value
+
+        return read
+
+    def pair(text: str) -> tuple[str, str]:
+        key, sign, value = text.partition("=")
+        if not sign:
+            raise argparse.ArgumentTypeError(f"must be KEY=VALUE, got {text}")
+        return key.strip(), value.strip()
+
+    parser = argparse.ArgumentParser("graspmill experiment run", add_help=False, allow_abbrev=False)
+    parser.add_argument("config", type=Path)
+    parser.add_argument("--out", required=True, type=Path)
+    parser.add_argument("--set", action="append", default=[], type=pair)
+    parser.add_argument("--rounds", type=between(int, 1, 1_000_000))
+    parser.add_argument("--seed", type=between(int, 0, 2**64 - 1))
+    parser.add_argument("--planner", required=True)
+    parser.add_argument("--tip-depth", type=between(float, -1, 1))
+    parser.add_argument("--planner-timeout-s", default=60, type=between(int, 1, 3600))
+    parser.add_argument("--threads", default=os.cpu_count() or 1, type=between(int, 1, 1024))
+    given, is_seen = parser.parse_args(words), sys.stderr.isatty()
+    pairs = [*given.set, *([("rounds", str(given.rounds))] * bool(given.rounds))]
+    pairs += [("seeds", f"[{given.seed}]")] * (given.seed is not None)
+
+    def told(done: int, total: int, held: int) -> None:
+        if is_seen:
+            print(f"\r{done:,} of {total:,} rounds, {held:,} grasps held", end="", file=sys.stderr, flush=True)
+
+    # A job that ends its time is stopped by this signal.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        planner = ServedPlanner(given.planner, given.planner_timeout_s, given.tip_depth)
+        command = shlex.join(["graspmill", *sys.argv[1:]])
+        in_short = play(_native.Experiment(given.out, given.config, pairs, planner.id, command, given.threads), planner, told)
+        page = given.out / "report.html"
+        print("\r" * is_seen + f"{page}  failures and how it was run; also report.json and tables as Parquet\n\n{in_short}", end="")
+        return 0
+    except KeyboardInterrupt:
+        why, code = "stopped; the same command continues", 75
+    except GraspmillError as error:
+        why, code = str(error), error.exit_code
+    print("\n" * is_seen + f"error: {why}", file=sys.stderr)
     return code
 
 

@@ -212,13 +212,13 @@ class Seen:
 @final
 class Experiment:
     counts: tuple[int, int, int]
-    has_ended: bool
+    in_short: str | None
     def __new__(
         cls,
         out: _Path,
         config: _Path | None,
         set: Sequence[tuple[str, str]],
-        function: str | None,
+        id: str | None,
         command: str,
         threads: int,
     ) -> Experiment: ...

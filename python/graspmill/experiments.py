@@ -15,14 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arrays, _native
 from .cameras import Camera
 from .dataset import Progress, told
-from .errors import InputError
+from .errors import InputError, OutsideError
 from .grippers import Gripper
 from .pages import Page
 from .plans import Plan
 from .scene import setting_pairs
 
-#: What a function that plans returns: a plan, or poses and scores.
-Planned = Union[Plan, "tuple[ArrayLike, ArrayLike]"]
+#: What a function that plans returns: a plan, or poses and scores, and widths if it knows them.
+Planned = Union[Plan, "tuple[ArrayLike, ArrayLike]", "tuple[ArrayLike, ArrayLike, ArrayLike]"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,8 @@ def experiment(
         config: ``"pile"``, which comes with the package, or the path of an experiment's file (``configs/experiment``).
         planner: A function that is shown a :class:`Look` and returns grasps: a :class:`Plan`, or a tuple of poses ``[N, 4, 4]`` or
             ``[N, 7]`` and scores ``[N]``, in the frame of the look: the origin midway between the finger tips, +z the approach, +y
-            the closing direction. The grasp with the highest score is executed; of a plan the first. By default our planner.
+            the closing direction; and, if it knows them, widths ``[N]`` of what is held, in metres. The grasp with the highest
+            score is executed; of a plan the first. By default our planner.
         name: What tells the function's results from those of another: a folder continues with the same name only. By default the
             function's own.
         rounds: Rounds of a seed, in place of the config's.
@@ -143,11 +144,12 @@ def experiment(
     Raises:
         InputError: If the config is wrong, or the folder holds another experiment.
         DataError: If its journal was damaged.
-        OutsideError: If the disk fails; the same call continues.
+        OutsideError: If the disk fails, or the function raises it; the same call continues.
         KeyboardInterrupt: After Ctrl-C, also within the function. Finished rounds are kept, and the same call continues.
 
     The function runs on the caller's thread, for one scene at a time. If it raises an ``Exception`` or returns anything else, the
-    **round** is over (``no_answer``, with the reason in the journal and on the page), not the run. No grasps are an answer.
+    **round** is over (``no_answer``, with the reason in the journal and on the page), not the run. An :class:`OutsideError` ends the
+    run: what is outside may work again. No grasps are an answer.
     """
     if planner is not None and not callable(planner):
         raise InputError(f"planner must be a function of a graspmill.Look, got {_arrays.shown(planner)}")
@@ -167,28 +169,41 @@ def experiment(
     command = f"graspmill.experiment({str(out)!r}, {str(config)!r}{f', planner={name}' if name else ''})"
 
     def run(tell: Progress | None) -> None:
-        work = _native.Experiment(folder, file, pairs, name, command, count)
-        gripper = Gripper._of(work.hand())
-        try:
-            while not work.has_ended:
-                seen = work.soon()
-                if seen is not None and planner is not None:
-                    _answer(work, planner, Look._of(seen, gripper))
-                if tell is not None:
-                    tell(*work.counts)
-        except BaseException:
-            work.stop()
-            raise
+        play(_native.Experiment(folder, file, pairs, name and f"function-{name}", command, count), planner, tell)
 
     told(run, progress, " rounds")
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     return ExperimentResults(folder, report["results"])
 
 
+def play(work: _native.Experiment, planner: Callable[[Look], Planned] | None, tell: Progress | None) -> str:
+    """Plays the rounds that are missing; their rates in a few lines."""
+    gripper = Gripper._of(work.hand())
+    try:
+        while (in_short := work.in_short) is None:
+            seen = work.soon()
+            if seen is not None and planner is not None:
+                _answer(work, planner, Look._of(seen, gripper))
+            if tell is not None:
+                tell(*work.counts)
+    except BaseException:
+        work.stop()
+        raise
+    return in_short
+
+
+class NoAnswer(Exception):
+    """A planner elsewhere gave no answer; why, in words that need no place in the code."""
+
+
 def _answer(work: _native.Experiment, planner: Callable[[Look], Planned], look: Look) -> None:
     """Asks the function, and tells the round what it said."""
     try:
         grasps = _offers(planner(look), look)
+    except OutsideError:
+        raise
+    except NoAnswer as error:
+        work.fail(str(error))
     except Exception as error:  # whatever it is, it is the function's answer
         last = traceback.extract_tb(error.__traceback__)[-1]
         work.fail(f"{type(error).__name__}: {error} ({os.path.basename(last.filename)}, line {last.lineno})")
@@ -200,14 +215,15 @@ def _offers(planned: Any, look: Look) -> list[tuple[list[float], float, float | 
     """Grasps, the best first: poses, scores, widths and ρ."""
     if isinstance(planned, Plan):
         return list(_of_plan(planned.answer["grasps"], look))
-    if not isinstance(planned, tuple) or len(planned) != 2:
+    if not isinstance(planned, tuple) or len(planned) not in (2, 3):
         raise InputError(f"what planner returns must be a Plan, or poses and scores, got {_arrays.shown(planned)}")
     poses = _arrays.poses("the poses that planner returns", planned[0])
     scores = _arrays.floats("the scores that planner returns", planned[1], (len(poses),))
     if not np.isfinite(scores).all():
         raise InputError("the scores that planner returns must be finite")
+    known = _arrays.floats("the widths that planner returns", planned[2], (len(poses),)).tolist() if planned[2:] else [None] * len(poses)
     order = np.argsort(-scores, kind="stable")
-    return [([float(part) for part in poses[number]], float(scores[number]), None, None) for number in order]
+    return [([float(part) for part in poses[number]], float(scores[number]), known[number], None) for number in order]
 
 
 def _of_plan(rows: Iterable[dict[str, Any]], look: Look) -> Iterable[tuple[list[float], float, float | None, float | None]]:

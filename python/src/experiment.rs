@@ -13,7 +13,7 @@ use experiments::finish::finish;
 use experiments::offer::{Look, NoPlan, Offer, Plans};
 use experiments::record::Round;
 use experiments::run::run;
-use graspmill::experiment::page::{Played, document, write_page};
+use graspmill::experiment::page::{Played, document, in_short, write_page};
 use numpy::{PyArray2, PyArrayMethods as _};
 use planner::View;
 use program::{ExitCode, Failure, FolderLock};
@@ -43,7 +43,8 @@ impl Counts {
 #[derive(Debug)]
 enum Step {
     Asked(Box<Seen>, Sender<Answer>),
-    Played,
+    /// With the rates in a few lines.
+    Played(String),
 }
 
 /// Grasps in the frame of what was seen, the best first, or why there are none.
@@ -159,8 +160,9 @@ pub(crate) struct Experiment {
     config: Arc<Config>,
     /// Of the round that waits.
     answer: Option<Sender<Answer>>,
+    /// The rates in a few lines, once all rounds are played.
     #[pyo3(get)]
-    has_ended: bool,
+    in_short: Option<String>,
 }
 
 impl Drop for Experiment {
@@ -171,13 +173,13 @@ impl Drop for Experiment {
 
 #[pymethods]
 impl Experiment {
-    /// Begins it. Our planner plans, or a function by the name `function`; `command` is what the report names.
+    /// Begins it. Our planner plans, or a function whose results have this id; `command` is what the report names.
     #[new]
     fn new(
         out: PathBuf,
         config: Option<PathBuf>,
         set: Vec<(String, String)>,
-        function: Option<String>,
+        id: Option<String>,
         command: String,
         threads: usize,
     ) -> PyResult<Self> {
@@ -185,13 +187,13 @@ impl Experiment {
         let (config, counts) = (Arc::new(config), Arc::new(Counts::default()));
         let (asked, told) = (Arc::clone(&config), Arc::clone(&counts));
         let work = move |tell: &Sender<Result<Step, Failure>>| {
-            let planner: Box<dyn Plans> = match function {
-                Some(name) => Box::new(Function { id: format!("function-{name}"), tell: tell.clone() }),
+            let planner: Box<dyn Plans> = match id {
+                Some(id) => Box::new(Function { id, tell: tell.clone() }),
                 None => Box::new(asked.planner()?),
             };
-            play(&asked, &*planner, command, threads, &out, &told).map(|()| Step::Played)
+            play(&asked, &*planner, command, threads, &out, &told).map(Step::Played)
         };
-        Ok(Self { work: Apart::start(1, work)?, counts, config, answer: None, has_ended: false })
+        Ok(Self { work: Apart::start(1, work)?, counts, config, answer: None, in_short: None })
     }
 
     /// The hand that executes.
@@ -223,8 +225,8 @@ impl Experiment {
                 self.answer = Some(answer);
                 Ok(Some(*seen))
             }
-            Some(Step::Played) => {
-                self.has_ended = true;
+            Some(Step::Played(in_short)) => {
+                self.in_short = Some(in_short);
                 Ok(None)
             }
             None => Ok(None),
@@ -263,7 +265,7 @@ impl Experiment {
     }
 }
 
-/// Plays the rounds that are missing and writes the results.
+/// Plays the rounds that are missing and writes the results. The rates in a few lines.
 fn play(
     config: &Config,
     planner: &dyn Plans,
@@ -271,14 +273,15 @@ fn play(
     threads: usize,
     out: &Path,
     counts: &Counts,
-) -> Result<(), Failure> {
+) -> Result<String, Failure> {
     let _lock = FolderLock::take(out)?;
     let rounds = run(config, planner, threads, out, &counts.stop, &|round| counts.add(round))?;
     if (rounds.len() as u64) < config.round_count() {
         return Err(Failure::new(ExitCode::TryAgain, "the experiment was stopped"));
     }
-    finish(config, command, planner.id(), &rounds, out)?;
-    write_page(out).map(drop)
+    let results = finish(config, command, planner.id(), &rounds, out)?;
+    write_page(out)?;
+    Ok(in_short(&results))
 }
 
 /// The page of an experiment that is done.

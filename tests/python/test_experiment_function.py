@@ -113,6 +113,7 @@ def broken(_):
         (lambda _: (np.eye(4)[None], [1.0, 2.0]), "the scores that planner returns must have the shape [1]"),
         (lambda _: (2 * np.eye(4)[None], [1.0]), "the poses that planner returns must be rigid"),
         (lambda _: (np.full((1, 4, 4), np.inf), [1.0]), "the poses that planner returns must be finite"),
+        (lambda _: (np.eye(4)[None], [1.0], [np.nan]), "the widths that planner returns must be finite"),
     ],
 )
 def test_what_a_function_does_ends_the_round_and_not_the_run(tmp_path, planner, why):
@@ -121,6 +122,17 @@ def test_what_a_function_does_ends_the_round_and_not_the_run(tmp_path, planner, 
     assert [r["ending"] for r in played] == ["no_answer"] * 2
     assert all(why in r["no_answer"] for r in played), played
     assert "2 of 2 rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_what_is_outside_ends_the_run(tmp_path):
+    def offline(_):
+        raise graspmill.OutsideError("the robot is switched off")
+
+    with pytest.raises(graspmill.OutsideError, match="switched off"):
+        run(tmp_path / "run", offline, name="mine")
+    assert rounds_of(tmp_path / "run") == []
+    run(tmp_path / "run", lambda look: (*from_above(look), [0.02] * len(from_above(look)[1])), name="mine")
+    assert all(np.isclose(attempt["width_m"], 0.02) for attempt in rounds_of(tmp_path / "run")[0]["trials"])
 
 
 def test_no_grasps_are_an_answer(tmp_path):

@@ -1,14 +1,17 @@
 """`graspmill experiment run --planner URL`: anyone's planner behind the contract of /predict, also one that misbehaves.
 
     python -m pytest tests/python/test_foreign_planner.py   # GRASPMILL_PROGRAMS=path/to/programs, or target/debug
+
+The program is that of the package; the static one says so.
 """
 
 import base64
 import json
 import os
 import subprocess
+import sys
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -18,12 +21,13 @@ import pytest
 from planner_service import ROOT, running
 
 PROGRAMS = Path(os.environ.get("GRASPMILL_PROGRAMS", ROOT / "target" / "debug")).resolve()
+GONE, BROKEN = object(), object()
 DOWN = {"translation": [0, 0, 0], "rotation_matrix": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], "score": 0.5, "gripper_width": None}
 
 
 @contextmanager
 def planner(answer, config=None):
-    """A server whose `/predict` is `answer(request)`: bytes, a status with bytes, or None for silence."""
+    """A server whose `/predict` is `answer(request)`: bytes, a status with bytes, None for silence, GONE for its end."""
     asked = []
 
     class Handler(BaseHTTPRequestHandler):
@@ -47,6 +51,11 @@ def planner(answer, config=None):
             said = answer(asked[-1])
             if said is None:
                 done.wait(60)
+            elif said is GONE:
+                server.shutdown()
+                server.server_close()
+            elif said is BROKEN:
+                self.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\n{")
             else:
                 self.say(*(said if isinstance(said, tuple) else (200, said)))
 
@@ -61,10 +70,10 @@ def planner(answer, config=None):
         server.server_close()
 
 
-def run(out, *args, rounds=1, code=0):
+def run(out, *args, rounds=1, code=0, program=(sys.executable, "-m", "graspmill")):
     config = ROOT / "configs" / "experiment" / "giga-pile.toml"
     common = ("--rounds", str(rounds), "--seed", "31", "--threads", "1", "--set", "objects.count=2", "--set", "noise.kind=d435")
-    command = [PROGRAMS / "graspmill", "experiment", "run", config, *common, *args, "--out", out]
+    command = [*program, "experiment", "run", config, *common, *args, "--out", out]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300)
     assert done.returncode == code, done.stderr
     return done
@@ -121,7 +130,14 @@ def test_a_planner_is_told_each_object_and_the_rest(tmp_path):
         (b'{"grasps": 7}', "an answer must be the contract's"),
         (grasps(DOWN | {"rotation_matrix": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}), "must have a rotation"),
         (grasps(DOWN | {"rotation_matrix": [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]}), "must have a rotation"),
-        (json.dumps({"grasps": [DOWN | {"score": 1e39}]}).encode(), ""),
+        (grasps(DOWN | {"translation": ["0", 0, 0]}), "an answer must be the contract's"),
+        (b"[" * 100_000, "an answer must be the contract's"),
+        (grasps(DOWN | {"score": 1e39}), "finite in single precision"),
+        (grasps(DOWN | {"translation": [3e38, 3e38, 3e38]}), "within 1000"),
+        (grasps(DOWN | {"gripper_width": float("inf")}), "finite in single precision"),
+        (b" " * ((64 << 20) + 1), "at most 67108864 bytes"),
+        ((307, b"elsewhere"), "status 307: elsewhere"),
+        (BROKEN, "IncompleteRead"),
         (None, "no answer in time"),
     ],
 )
@@ -132,6 +148,44 @@ def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path, answer, wh
     assert [round["ending"] for round in played] == ["no_answer"] * 2
     assert all(why in round["no_answer"] for round in played), played
     assert "2 of 2 rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_a_planner_that_says_a_byte_now_and_then_is_too_late(tmp_path):
+    class Slow(BaseHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+        def do_GET(self):
+            self.wfile.write(b"HTTP/1.1 200 OK\r\n")
+            with suppress(OSError):
+                while not done.wait(0.1):
+                    self.wfile.write(b"a")
+
+    done, server = threading.Event(), ThreadingHTTPServer(("127.0.0.1", 0), Slow)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    url = f"http://127.0.0.1:{server.server_port}/predict"
+    try:
+        assert "no answer in time" in run(tmp_path / "run", "--planner", url, "--planner-timeout-s", "1", code=75).stderr
+    finally:
+        done.set()
+        server.shutdown()
+        server.server_close()
+
+
+def test_a_run_whose_planner_is_gone_ends_and_goes_on_when_it_is_back(tmp_path):
+    with planner(lambda _: grasps() if len(asked) <= 2 else GONE, {"fingertip_depth": 0.1}) as (url, asked):
+        said = run(tmp_path / "run", "--planner", url, rounds=3, code=75).stderr
+    assert said.splitlines()[-1].startswith(f"error: --planner {url}: the server cannot be reached: "), said
+    assert [round["ending"] for round in rounds_of(tmp_path / "run")] == ["no_grasp"]
+    with planner(lambda _: grasps(), {"fingertip_depth": 0.1}) as (url, asked):
+        run(tmp_path / "run", "--planner", url, rounds=3)
+    assert len(asked) == 4 and [round["ending"] for round in rounds_of(tmp_path / "run")] == ["no_grasp"] * 3
+
+
+def test_the_static_program_says_who_asks(tmp_path):
+    said = run(tmp_path / "run", "--planner", "http://127.0.0.1:1/predict", code=2, program=[PROGRAMS / "graspmill"]).stderr
+    assert "the program of the Python package asks" in said
 
 
 def test_a_planner_without_grasps_is_no_fault(tmp_path):

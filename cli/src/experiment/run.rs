@@ -3,15 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
 
 use clap::Args;
 use experiments::config::Config;
 use experiments::finish::finish;
-use experiments::offer::Plans;
 use experiments::record::Round;
 use experiments::run::run as run_rounds;
-use experiments::served::{Served, Server};
 use indicatif::{ProgressBar, ProgressStyle};
 use program::text::key_and_value;
 use program::{Context, ExitCode, Failure, FolderLock, print, print_error, stop_on_signals};
@@ -43,18 +40,18 @@ pub(crate) struct Arguments {
     seed: Option<u64>,
 
     /// Anyone's planner in place of ours: the address of its /predict, as servers of GraspGen-X and DexGraspNet 2 have
-    /// it
+    /// it. The program of the Python package asks it
     #[arg(long, value_name = "URL")]
     planner: Option<String>,
 
     /// Of --planner: from its grasps' origin along the approach to the finger tips' end, in metres [default: what its
     /// /config says]
-    #[arg(long, value_name = "M", requires = "planner", value_parser = tip_depth, allow_hyphen_values = true)]
-    tip_depth: Option<f32>,
+    #[arg(long = "tip-depth", value_name = "M", requires = "planner", allow_hyphen_values = true)]
+    _tip_depth: Option<f32>,
 
     /// Seconds that --planner has for an answer
-    #[arg(long, value_name = "S", requires = "planner", default_value_t = 60, value_parser = clap::value_parser!(u16).range(1..=3600))]
-    planner_timeout_s: u16,
+    #[arg(long = "planner-timeout-s", value_name = "S", requires = "planner", default_value_t = 60, value_parser = clap::value_parser!(u16).range(1..=3600))]
+    _planner_timeout_s: u16,
 
     /// Rounds at once; changes times, not results [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -62,21 +59,16 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    if arguments.planner.is_some() {
+        let text =
+            "the program of the Python package asks another planner: pip install graspmill, then run the same command";
+        return Err(Failure::new(ExitCode::Usage, text));
+    }
     let config = config(&arguments.config, &arguments.set, arguments.rounds, arguments.seed)?;
     let threads = arguments.threads.map_or_else(cores, usize::from);
     let on_first = || print_error("stopping after the rounds under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
-    let Some(url) = &arguments.planner else {
-        return execute(&config, &arguments.out, threads, &stop, command_line());
-    };
-    let patience = Duration::from_secs(arguments.planner_timeout_s.into());
-    let served = Served::connect(&Server { url: url.clone(), patience, tip_depth_m: arguments.tip_depth })?;
-    execute_with(&config, &served, &arguments.out, threads, &stop, command_line())
-}
-
-fn tip_depth(text: &str) -> Result<f32, String> {
-    let depth_m = text.parse::<f32>().map_err(|error| error.to_string())?;
-    if depth_m.abs() <= 1.0 { Ok(depth_m) } else { Err("must be between -1 and 1".to_owned()) }
+    execute(&config, &arguments.out, threads, &stop, command_line())
 }
 
 /// The experiment of a file, with what is said in place of its keys.
@@ -110,18 +102,7 @@ pub(crate) fn execute(
     stop: &AtomicBool,
     command: String,
 ) -> Result<ExitCode, Failure> {
-    execute_with(config, &config.planner()?, out, threads, stop, command)
-}
-
-/// The same with any planner.
-fn execute_with(
-    config: &Config,
-    planner: &dyn Plans,
-    out: &Path,
-    threads: usize,
-    stop: &AtomicBool,
-    command: String,
-) -> Result<ExitCode, Failure> {
+    let planner = config.planner()?;
     let bar = progress_bar(config.round_count());
     let counts = Mutex::new((0_u64, 0_u64));
     let on_round = |round: &Round| {
@@ -132,12 +113,12 @@ fn execute_with(
         bar.inc(1);
     };
     let _lock = FolderLock::take(out)?;
-    let rounds = run_rounds(config, planner, threads, out, stop, &on_round)?;
+    let rounds = run_rounds(config, &planner, threads, out, stop, &on_round)?;
     bar.finish_and_clear();
     if (rounds.len() as u64) < config.round_count() {
         return Ok(ExitCode::TryAgain);
     }
-    let results = finish(config, command, planner.id(), &rounds, out)?;
+    let results = finish(config, command, planner.model_id, &rounds, out)?;
     print(format_args!(
         "{}  failures and how it was run; also report.json and tables as Parquet\n\n{}",
         write_page(out)?.display(),

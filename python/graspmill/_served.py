@@ -1,0 +1,203 @@
+"""A planner behind an address, as GraspGen-X's and DexGraspNet 2's servers have it (``POST /predict``, contract 0.1.0), as a
+function for :func:`graspmill.experiment`. It is asked about one object after the other, with the true segmentation."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import http.client
+import json
+import math
+import socket
+import string
+import struct
+import threading
+from contextlib import suppress
+from typing import Any
+from urllib.parse import quote, urljoin, urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _arrays
+from .errors import InputError, OutsideError
+from .experiments import Look, NoAnswer
+
+#: Most grasps of an object that are asked for.
+GRASPS = 100
+#: Fewest points of an object that is asked about, if a server does not say; most points of a request, whatever a server takes.
+POINTS_MIN, POINTS_MAX = 128, 65_536
+ANSWER_BYTES_MAX = 64 << 20
+#: The rows of a rotation, and a server's axes, have length 1 and are at right angles but for this.
+RIGID = 0.02
+#: Hands nearer to each other than this, turned by no more than that, are alike, half a turn apart or not.
+ALIKE_M, ALIKE_RAD = 0.01, math.radians(30)
+#: What reading JSON of strangers raises.
+_ODD = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
+
+
+class ServedPlanner:
+    """Asks a server, first what it is.
+
+    Args:
+        url: The address of its ``/predict``.
+        patience_s: Longest wait for an answer.
+        tip_depth_m: From a grasp's origin along its approach to the end of the finger tips; by default what ``/config`` says.
+    """
+
+    def __init__(self, url: str, patience_s: float, tip_depth_m: float | None = None) -> None:
+        self._name, self._url, self._patience_s = f"--planner {url}", quote(url, safe=string.punctuation), patience_s
+        try:
+            parts = urlsplit(self._url)
+            self._server, is_address = (parts.hostname or "", parts.port), bool(parts.scheme and parts.hostname)
+        except ValueError:
+            is_address = False
+        if not is_address:
+            raise InputError(f"{self._name}: must be an address, such as http://127.0.0.1:8000/predict")
+        if parts.scheme not in ("http", "https"):
+            raise InputError(f"{self._name}: must begin with http:// or https://")
+        self._kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
+        try:
+            text = self._ask(urljoin(self._url, "config")) or b"{}"
+        except NoAnswer as error:
+            raise OutsideError(f"{self._name}: {error}: /config") from error
+        try:
+            said = {key: value for key, value in json.loads(text).items() if value is not None}
+            approach, jaw = _numbers(said.get("approach_axis_local", [1, 0, 0]), 3), _numbers(said.get("jaw_axis_local", [0, 1, 0]), 3)
+            self._points_min = int(_numbers(said.get("min_points", POINTS_MIN)))
+            self._points_max = min(int(_numbers(said.get("max_points", POINTS_MAX))), POINTS_MAX)
+            tips_m = np.float32(_numbers(said.get("fingertip_depth", 0))) - np.float32(_numbers(said.get("tcp_offset", 0)))
+        except _ODD as error:
+            raise InputError(f"{self._name}: /config must be JSON as the contract has it: {error}") from error
+        if tip_depth_m is not None:
+            tips_m = np.float32(tip_depth_m)
+        elif "fingertip_depth" not in said:
+            missing = "its /config does not say where the finger tips are (fingertip_depth): give --tip-depth"
+            raise InputError(f"{self._name}: {missing}")
+        # Our axes (z approaches, y closes) in the server's.
+        self._axes, self._tips_m = np.column_stack([np.cross(jaw, approach), jaw, approach]), approach * tips_m
+        if not _are_rotations(self._axes[None])[0]:
+            raise InputError(f"{self._name}: /config must have unit axes at right angles: approach_axis_local, jaw_axis_local")
+        #: What tells its results from those of another.
+        self.id = f"served-{hashlib.sha256(text + struct.pack('<f', tips_m)).hexdigest()}"
+
+    def __call__(self, look: Look) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Poses, scores and widths of what it answers, without the hands that failed."""
+        objects, rest = look.clouds()
+        first = look.cameras[0].workspace_from_camera
+        rows = [np.empty((0, 9))]
+        for number, points in enumerate(objects):
+            if len(points) < self._points_min:
+                continue
+            thing = _thinned(points, self._points_max // 2)
+            scene = np.concatenate([*objects[:number], *objects[number + 1 :], rest])
+            request = {
+                "point_cloud": _encoded(thing),
+                "scene_points": _encoded(_thinned(scene, self._points_max - len(thing))),
+                "num_grasps": GRASPS,
+                "down": look.down.tolist(),
+                "eye_m": [0.0] * 3 if first is None else first[:3, 3].tolist(),
+            }
+            rows.append(self._grasps(self._ask(self._url, json.dumps(request).encode()), look.gripper.opening_m_max))
+        found = np.concatenate(rows)
+        new = found[[not _is_like(pose, look.failed) for pose in _arrays.matrices(found[:, :7])]]
+        return new[:, :7], new[:, 7], new[:, 8]
+
+    def _grasps(self, text: bytes, opening_m: float) -> NDArray[np.float64]:
+        """The grasps of an answer: poses in the clouds' frame with our axes, scores and widths."""
+        try:
+            grasps = json.loads(text)["grasps"]
+            at_m = np.array([_numbers(grasp["translation"], 3) for grasp in grasps]).reshape(-1, 3)
+            turns = np.array([_numbers(grasp["rotation_matrix"], 3, 3) for grasp in grasps]).reshape(-1, 3, 3)
+            scores = [_numbers(grasp["score"]) for grasp in grasps]
+            given = [grasp.get("gripper_width") for grasp in grasps]
+            widths_m = [opening_m if width is None else _numbers(width) for width in given]
+        except _ODD as error:
+            raise NoAnswer(f"an answer must be the contract's: {error}") from error
+        with np.errstate(all="ignore"):
+            ours_m = at_m + turns @ self._tips_m
+            numbers = np.column_stack([ours_m, scores, widths_m]).astype(np.float32)
+            is_right = np.isfinite(numbers).all(axis=1) & _are_rotations(turns)
+        if not is_right.all():
+            wrong = _arrays.shown(grasps[int(is_right.argmin())])
+            raise NoAnswer(f"a grasp must have a rotation and numbers that are finite in single precision, got {wrong}")
+        return np.column_stack([ours_m, _arrays.quaternions(turns @ self._axes), scores, widths_m])
+
+    def _ask(self, url: str, body: bytes | None = None) -> bytes:
+        """The body of an answer; of one that knows no such page nothing. Redirections are not followed."""
+        connection, is_late = self._connection(), threading.Event()
+        target = urlsplit(url)._replace(scheme="", netloc="", fragment="").geturl() or "/"
+
+        def cut(sock: socket.socket) -> None:
+            is_late.set()
+            with suppress(OSError):
+                socket.socket.shutdown(sock, socket.SHUT_RDWR)
+
+        # Limits all of the answer, for a server may send a byte now and then.
+        patience = threading.Timer(self._patience_s, cut, [connection.sock])
+        patience.start()
+        try:
+            headers = {} if body is None else {"Content-Type": "application/json"}
+            connection.request("GET" if body is None else "POST", target, body, headers)
+            answer = connection.getresponse()
+            text = answer.read(ANSWER_BYTES_MAX + 1)
+            if len(text) > ANSWER_BYTES_MAX:
+                raise NoAnswer(f"an answer must have at most {ANSWER_BYTES_MAX} bytes")
+            if answer.length or is_late.is_set():
+                raise http.client.IncompleteRead(text)
+        except (OSError, http.client.HTTPException) as error:
+            if is_late.is_set() or isinstance(error, TimeoutError):
+                raise NoAnswer("no answer in time") from error
+            self._connection().close()  # A server that is gone ends the run; one that is there gave no answer.
+            raise NoAnswer(f"{type(error).__name__}: {error}") from error
+        finally:
+            patience.cancel()
+            connection.close()
+        if body is None and answer.status == 404:
+            return b""
+        if not 200 <= answer.status < 300:
+            said = "".join(letter for letter in text.decode(errors="replace") if letter.isprintable())
+            raise NoAnswer(f"status {answer.status}: {said[:300]}")
+        return text
+
+    def _connection(self) -> http.client.HTTPConnection:
+        connection = self._kind(*self._server, timeout=self._patience_s)
+        try:
+            connection.connect()
+        except (OSError, UnicodeError) as error:
+            raise OutsideError(f"{self._name}: the server cannot be reached: {error}") from error
+        return connection
+
+
+def _numbers(value: Any, *shape: int) -> Any:
+    """Numbers of JSON in nested lists of this shape, as an array: neither texts nor truths."""
+    if not shape:
+        if type(value) not in (int, float):
+            raise TypeError(f"{_arrays.shown(value)} is no number")
+        return float(value)
+    if not isinstance(value, list) or len(value) != shape[0]:
+        raise TypeError(f"{_arrays.shown(value)} is no list of {shape[0]}")
+    return np.array([_numbers(part, *shape[1:]) for part in value])
+
+
+def _are_rotations(turns: NDArray[np.float64]) -> NDArray[np.bool_]:
+    off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    are: NDArray[np.bool_] = (off < RIGID) & (np.linalg.det(turns) > 0)
+    return are
+
+
+def _thinned(points: NDArray[np.float32], count_max: int) -> NDArray[np.float32]:
+    """Every n-th point, so that at most ``count_max`` remain."""
+    return points[:: max(-(-len(points) // max(count_max, 1)), 1)]
+
+
+def _encoded(points: NDArray[np.float32]) -> dict[str, Any]:
+    return {"dtype": "float32", "shape": list(points.shape), "data_b64": base64.b64encode(points.astype("<f4").tobytes()).decode()}
+
+
+def _is_like(pose: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+    """Whether a hand is nearly one of the others."""
+    turns = others[:, :3, :3].transpose(0, 2, 1) @ pose[:3, :3]
+    cosines = (np.abs(turns[:, 0, 0] + turns[:, 1, 1]) + turns[:, 2, 2] - 1) / 2
+    is_near = np.linalg.norm(others[:, :3, 3] - pose[:3, 3], axis=1) <= ALIKE_M
+    return bool((is_near & (cosines >= math.cos(ALIKE_RAD))).any())
