@@ -2,6 +2,7 @@
 //! against the table that the images show, and the usual mistakes are tried as explanations.
 
 use core::f32::consts::PI;
+use std::borrow::Cow;
 
 use perception::{PlaneParams, TableCandidate, find_plane, find_tables, seen_points};
 use rayon::prelude::*;
@@ -76,24 +77,31 @@ fn describe(plane: &Plane) -> String {
     format!("the plane {:.2} m from the camera with normal {x:.2}, {y:.2}, {z:.2}", -plane.offset_m)
 }
 
-/// Finds the table in views whose poses are in the first camera's frame, or in a cloud in its sensor's, and puts the
-/// workspace on it: z along its normal, x along the camera's, what stands there in the middle of a network's grid.
+/// What an observation shows, in the first camera's frame or a cloud's, to find the table.
 ///
 /// # Errors
-/// [`InputError`] if no plane was seen, or the observation is a TSDF.
-pub(crate) fn find(
-    observation: &Observation,
-    wanted: &FindTable,
-    grid: &Grid,
-    seed: u64,
-) -> Result<FoundTable, InputError> {
-    let points_m = match observation {
-        Observation::Views(views) => views.iter().flat_map(|view| seen_m(view, COLUMNS_PX)).collect(),
-        Observation::Cloud { points_m, .. } => points_m.clone(),
-        Observation::Tsdf(_) => return refuse("in a TSDF the table is at its height, and cannot be found: tsdf"),
-    };
+/// [`InputError`] if it is a TSDF.
+pub(crate) fn shown_m(observation: &Observation) -> Result<Cow<'_, [Vec3]>, InputError> {
+    match observation {
+        Observation::Views(views) => Ok(shown_by(views).into()),
+        Observation::Cloud { points_m, .. } => Ok(points_m.into()),
+        Observation::Tsdf(_) => refuse("in a TSDF the table is at its height, and cannot be found: tsdf"),
+    }
+}
+
+/// The same of views.
+pub(crate) fn shown_by(views: &[View]) -> Vec<Vec3> {
+    views.iter().flat_map(|view| seen_m(view, COLUMNS_PX)).collect()
+}
+
+/// Finds the table among points and puts the workspace on it: z along its normal, x along the camera's, what stands
+/// there in the middle of a network's grid.
+///
+/// # Errors
+/// [`InputError`] if no plane was seen.
+pub(crate) fn find(points_m: &[Vec3], wanted: &FindTable, grid: &Grid, seed: u64) -> Result<FoundTable, InputError> {
     let stream = || Stream::new(seed, 0, Purpose::Plane, 1);
-    let candidates = find_tables(&points_m, wanted.gravity(), &mut stream());
+    let candidates = find_tables(points_m, wanted.gravity(), &mut stream());
     let Some(best) = candidates.first().filter(|best| best.score > 0.0) else {
         let of_other_unit = UNITS.into_iter().find(|unit| {
             let scaled: Vec<Vec3> = points_m.iter().map(|at| *at * *unit).collect();
@@ -115,16 +123,20 @@ pub(crate) fn find(
     Ok(FoundTable { candidates, workspace_from_first })
 }
 
+/// Views in another frame.
+pub(crate) fn move_views(views: &mut [View], target_from_source: &Pose) {
+    for view in views {
+        view.camera.workspace_from_camera = *target_from_source * view.camera.workspace_from_camera;
+    }
+}
+
 /// An observation in another frame.
 pub(crate) fn moved(observation: &Observation, target_from_source: &Pose) -> Observation {
     match observation {
         Observation::Views(views) => {
-            let moved = |view: &View| {
-                let mut view = view.clone();
-                view.camera.workspace_from_camera = *target_from_source * view.camera.workspace_from_camera;
-                view
-            };
-            Observation::Views(views.iter().map(moved).collect())
+            let mut views = views.clone();
+            move_views(&mut views, target_from_source);
+            Observation::Views(views)
         }
         Observation::Cloud { points_m, eyes_m } => {
             let moved = |points_m: &[Vec3]| points_m.iter().map(|at| *target_from_source * *at).collect();
@@ -267,6 +279,20 @@ impl Claim {
     }
 }
 
+/// Warnings for an observation whose frame is not where what it shows says.
+pub(crate) fn doubts(
+    observation: &Observation,
+    base_from_workspace: Option<Pose>,
+    grid: &Grid,
+    seed: u64,
+) -> Vec<String> {
+    match observation {
+        Observation::Views(views) => disagreements(views, base_from_workspace, grid, seed),
+        Observation::Cloud { points_m, .. } => in_camera_frame(points_m, grid, seed).into_iter().collect(),
+        Observation::Tsdf(_) => Vec::new(),
+    }
+}
+
 /// Warnings for views whose poses or lenses disagree with what they show; one for all views with the same fault.
 pub(crate) fn disagreements(views: &[View], base_from_workspace: Option<Pose>, grid: &Grid, seed: u64) -> Vec<String> {
     let of_view = |view: &View| [misplaced(view, base_from_workspace, grid, seed), other_lens(view)];
@@ -336,7 +362,7 @@ fn misplaced(view: &View, base_from_workspace: Option<Pose>, grid: &Grid, seed: 
 }
 
 /// The warning for a cloud that shows no table where the workspace has it, but one as a camera sees it.
-pub(crate) fn in_camera_frame(points_m: &[Vec3], grid: &Grid, seed: u64) -> Option<String> {
+fn in_camera_frame(points_m: &[Vec3], grid: &Grid, seed: u64) -> Option<String> {
     let on_table = points_m.iter().filter(|at| (at.z - grid.table_z_m).abs() <= HEIGHT_OFF_M_MAX).count();
     if on_table as f32 >= SHARE_MIN * points_m.len() as f32 {
         return None;
@@ -514,7 +540,7 @@ mod tests {
         let views = demo_views();
         let first = views[0].camera.workspace_from_camera;
         let seen = moved(&Observation::Views(views), &first.inverse());
-        let found = find(&seen, &FindTable::default(), &Grid::PAPER, 1).unwrap();
+        let found = find(&shown_m(&seen).unwrap(), &FindTable::default(), &Grid::PAPER, 1).unwrap();
         assert!(found.sureness() > 0.5 && found.warning().is_none(), "{found:?}");
         // Up is up, and the table is at its height; where x and y are is chosen.
         let between = found.workspace_from_first * first.inverse();
@@ -523,7 +549,7 @@ mod tests {
         let Observation::Views(again) = moved(&seen, &found.workspace_from_first) else { panic!("views") };
         assert_eq!(disagreements(&again, None, &Grid::PAPER, 1), Vec::<String>::new());
         let nothing = Observation::Cloud { points_m: Vec::new(), eyes_m: Vec::new() };
-        let error = find(&nothing, &FindTable::default(), &Grid::PAPER, 1).unwrap_err().to_string();
+        let error = find(&shown_m(&nothing).unwrap(), &FindTable::default(), &Grid::PAPER, 1).unwrap_err().to_string();
         assert!(error.starts_with("no table was found"), "{error}");
     }
 }

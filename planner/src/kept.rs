@@ -10,9 +10,9 @@ use crate::config::CloudParams;
 use crate::frame::{self, FoundTable};
 use crate::input::{InputError, check_image, refuse};
 use crate::limits::WillDo;
-use crate::observation::{Observation, PlanOptions, View};
+use crate::observation::{PlanOptions, View};
 use crate::plan::Plan;
-use crate::planner::Planner;
+use crate::planner::{Planner, Sight};
 use crate::region::Region;
 use crate::timing::timed;
 use crate::volume::{Volume, Workspace, fine_lattice, must_fit, scaled, seen_off_table};
@@ -151,46 +151,25 @@ impl Planner {
         if scene.views.is_empty() {
             return refuse("an image must be observed before a plan, got none");
         }
-        let (mut timings_ms, mut warnings) = (Vec::new(), Vec::from_iter(self.warning.clone()));
-        warnings.append(&mut scene.warnings);
-        let seen_from;
-        let options = match &options.find_table {
+        let (seed, mut timings_ms, mut warnings) = (self.config.seed, Vec::new(), take(&mut scene.warnings));
+        match &options.find_table {
             None => {
-                let base = options.base_from_workspace;
-                warnings.extend(frame::disagreements(&scene.views[..scene.new], base, &self.grid, self.config.seed));
-                options
+                let (new, base) = (&scene.views[..scene.new], options.base_from_workspace);
+                warnings.extend(frame::disagreements(new, base, &self.grid, seed));
             }
-            Some(wanted) => {
-                let found = match &scene.table {
-                    Some(found) => found.clone(),
-                    None => {
-                        let views = Observation::Views(take(&mut scene.views));
-                        let found = timed(&mut timings_ms, "table", || {
-                            frame::find(&views, wanted, &self.grid, self.config.seed)
-                        });
-                        let Observation::Views(views) = views else { unreachable!("they are views") };
-                        scene.views = views;
-                        let found = found?;
-                        for view in &mut scene.views {
-                            let first_from_camera = view.camera.workspace_from_camera;
-                            view.camera.workspace_from_camera = found.workspace_from_first * first_from_camera;
-                        }
-                        warnings.extend(found.warning());
-                        scene.table.insert(found).clone()
-                    }
-                };
-                seen_from = options.seen_from(found.workspace_from_first);
-                &seen_from
+            Some(wanted) if scene.table.is_none() => {
+                let find = || frame::find(&frame::shown_by(&scene.views), wanted, &self.grid, seed);
+                let found = timed(&mut timings_ms, "table", find)?;
+                frame::move_views(&mut scene.views, &found.workspace_from_first);
+                warnings.extend(found.warning());
+                scene.table = Some(found);
             }
-        };
-        let observation = Observation::Views(take(&mut scene.views));
-        let Observation::Views(views) = &observation else { unreachable!("they are views") };
-        let known = take(&mut scene.known);
-        let limits = (will_do, scene.table.clone());
-        let mut fused = |workspace: &Workspace| Ok(scene.volume(views, workspace, self.config.cloud));
-        let planned =
-            self.plan_in_workspace(&observation, options, limits, (timings_ms, warnings), (&mut fused, &known));
-        let Observation::Views(views) = observation else { unreachable!("they are views") };
+            Some(_) => {}
+        }
+        let (views, known, table) = (take(&mut scene.views), take(&mut scene.known), scene.table.clone());
+        let sight = Sight { views: Some(&views), view_count: views.len(), table, known: &known, timings_ms, warnings };
+        let fused = &mut |workspace: &Workspace| Ok(scene.volume(&views, workspace, self.config.cloud));
+        let planned = self.plan_seen(sight, options, will_do, fused);
         scene.views = views;
         let (plan, known) = planned?;
         scene.known = known;

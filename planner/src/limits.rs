@@ -4,8 +4,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use perception::{Wall, near, walls};
 use rayon::prelude::*;
-use schema::{Gripper, HandBox, Plane, Pose, Vec3};
+use schema::{HandBox, Plane, Pose, Vec3};
 
+use crate::config::Config;
 use crate::hand::HandVolume;
 use crate::observation::{Cone, Limits, Mask, View};
 use crate::plan::{Limit, PointLabel, SegmentedCloud};
@@ -51,18 +52,19 @@ pub(crate) struct Limiter<'a> {
 }
 
 impl<'a> Limiter<'a> {
-    /// Limits for a hand that approaches over this distance. `target_m` has the surface's points that are the target's,
-    /// and the others; none if there is no target.
+    /// Limits for the hand of some settings. `target_m` has the surface's points that are the target's, and the others;
+    /// none if there is no target.
     pub(crate) fn new(
         limits: &'a Limits,
-        gripper: &Gripper,
-        pregrasp_m: f32,
-        (mut target_m, mut walls): (Option<[Vec<Vec3>; 2]>, Walls),
+        config: &Config,
+        mut target_m: Option<[Vec<Vec3>; 2]>,
+        mut walls: Walls,
         is_in_sight: &'a (dyn Fn(&Pose) -> bool + Sync),
         will_do: &'a WillDo<'a>,
     ) -> Self {
+        let Config { gripper, collision, .. } = config;
         let way_out = gripper.open_hand().map(|part| part.swept_back(WAY_OUT_M));
-        let swept = gripper.open_hand().map(|part| part.swept_back(pregrasp_m));
+        let swept = gripper.open_hand().map(|part| part.swept_back(collision.pregrasp_distance_m));
         let corners_m = swept.iter().flat_map(corners).collect();
         let half_m = Vec3::new(
             0.5 * gripper.finger_width_m + BETWEEN_MARGIN_M,
@@ -272,8 +274,8 @@ mod tests {
     }
 
     fn broken(limits: &Limits, grasp: &Pose) -> Option<Limit> {
-        let gripper = BuiltIn::Judge.config().unwrap().gripper;
-        Limiter::new(limits, &gripper, 0.05, Default::default(), &|_| true, &everything).broken(&[*grasp])[0]
+        let config = BuiltIn::Judge.config().unwrap();
+        Limiter::new(limits, &config, None, Walls::default(), &|_| true, &everything).broken(&[*grasp])[0]
     }
 
     #[test]
@@ -299,14 +301,15 @@ mod tests {
         // Under a shelf: the hand comes from 50 mm behind.
         let shelf =
             |z_m: f32| Limits { keep_out: vec![Plane { normal: Vec3::NEG_Z, offset_m: -z_m }], ..Limits::default() };
-        let gripper = BuiltIn::Judge.config().unwrap().gripper;
+        let config = BuiltIn::Judge.config().unwrap();
+        let gripper = &config.gripper;
         let top_m = 0.08 + gripper.finger_length_m + gripper.palm_length_m + 0.05;
         assert_eq!(broken(&shelf(top_m - 0.001), &down), Some(Limit::KeepOut));
         assert_eq!(broken(&shelf(top_m + 0.001), &down), None);
         let none = Limits::default();
         let left = |poses: &[Pose]| poses.iter().map(|pose| pose.translation.x < 0.1).collect();
         let is_near = |pose: &Pose| pose.translation.y < 0.3;
-        let limiter = Limiter::new(&none, &gripper, 0.05, Default::default(), &is_near, &left);
+        let limiter = Limiter::new(&none, &config, None, Walls::default(), &is_near, &left);
         let beside = Pose::from_parts(Vec3::new(0.09, 0.2, 0.08), WRIST_DOWN);
         let far = Pose::from_parts(Vec3::new(0.09, 0.4, 0.08), WRIST_DOWN);
         assert_eq!(limiter.broken(&[far, down, beside]), [Some(Limit::Unseen), Some(Limit::Accept), None]);
@@ -315,7 +318,7 @@ mod tests {
 
     #[test]
     fn a_hand_that_touches_a_wall_is_refused_and_one_beside_it_is_not() {
-        let (gripper, limits) = (BuiltIn::Judge.config().unwrap().gripper, Limits::default());
+        let (config, limits) = (BuiltIn::Judge.config().unwrap(), Limits::default());
         let down = Pose::from_parts(Vec3::new(0.1, 0.2, 0.08), WRIST_DOWN);
         // Points from the fingers up to the palm, which is 120 mm broad along y.
         let wall = |y_m: f32| -> Vec<Vec3> {
@@ -325,7 +328,7 @@ mod tests {
         let thing_m = vec![Vec3::new(0.1, 0.2, 0.09)];
         let found = |things_m: &[Vec3], walls_m: Vec<Vec3>| {
             let walls = Walls { things_m: things_m.to_vec(), walls_m, board: None };
-            let limiter = Limiter::new(&limits, &gripper, 0.05, (None, walls), &|_| true, &everything);
+            let limiter = Limiter::new(&limits, &config, None, walls, &|_| true, &everything);
             (limiter.broken(&[down])[0], limiter.rejections())
         };
         assert_eq!(found(&thing_m, wall(0.265)), (None, None));
@@ -338,7 +341,7 @@ mod tests {
 
     #[test]
     fn a_hand_holds_the_target_if_most_between_its_fingers_is_of_it() {
-        let gripper = BuiltIn::Judge.config().unwrap().gripper;
+        let config = BuiltIn::Judge.config().unwrap();
         let target = Target::Point(Vec3::ZERO);
         let limits = Limits { target: Some(target), ..Limits::default() };
         let down = Pose::from_parts(Vec3::new(0.1, 0.2, 0.08), WRIST_DOWN);
@@ -351,14 +354,8 @@ mod tests {
             ([vec![Vec3::new(0.2, 0.2, 0.09)], vec![]], Some(Limit::Target)),
         ];
         for (points, expected) in cases {
-            let limiter = Limiter::new(
-                &limits,
-                &gripper,
-                0.05,
-                (Some(points.clone()), Default::default()),
-                &|_| true,
-                &everything,
-            );
+            let limiter =
+                Limiter::new(&limits, &config, Some(points.clone()), Walls::default(), &|_| true, &everything);
             assert_eq!(limiter.broken(&[down]), [expected], "{points:?}");
             assert_eq!(limiter.rejections(), expected.map(|_| "1 by target".to_owned()));
         }

@@ -74,6 +74,15 @@ pub enum Observation {
 const VIEWS_OF_A_TSDF: usize = 6;
 
 impl Observation {
+    /// The depth images; those of a cloud or a TSDF are not known.
+    #[must_use]
+    pub fn images(&self) -> Option<&[View]> {
+        match self {
+            Self::Views(views) => Some(views),
+            Self::Tsdf(_) | Self::Cloud { .. } => None,
+        }
+    }
+
     /// The number of views, as far as it is known.
     pub(crate) fn views(&self) -> usize {
         match self {

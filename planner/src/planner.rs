@@ -28,6 +28,20 @@ use crate::width::Widths;
 /// Makes the fields of an observation.
 type Fused<'a> = dyn FnMut(&Workspace) -> Result<Volume, InputError> + 'a;
 
+/// What a plan is made from, besides its fields.
+pub(crate) struct Sight<'a> {
+    /// Depth images, in the workspace; none of a cloud or a TSDF.
+    pub(crate) views: Option<&'a [View]>,
+    /// The number of views, as far as it is known.
+    pub(crate) view_count: usize,
+    /// Where it was found.
+    pub(crate) table: Option<FoundTable>,
+    /// Hands that were good in an earlier plan.
+    pub(crate) known: &'a [Grasp],
+    pub(crate) timings_ms: Timings,
+    pub(crate) warnings: Vec<String>,
+}
+
 /// A network's file, and its path in the source tree.
 type Weights = (&'static [u8], &'static str);
 
@@ -45,17 +59,16 @@ fn weights(named: BuiltIn) -> (Weights, Option<Weights>) {
     }
 }
 
-/// The warning for a built-in network that answers for voxels if another hand is asked for than the one that its
-/// settings have: it has no input for a hand.
+/// The warning if another hand is asked for than the one that a built-in network's settings have, for which alone it
+/// was trained.
 fn other_hand(config: &Config) -> Result<Option<String>, Failure> {
     let own = config.network.config()?.gripper;
-    if matches!(config.network, BuiltIn::Judge) || own.numbers() == config.gripper.numbers() {
-        return Ok(None);
-    }
-    let (network, own, given) = (config.network.name(), own.name, &config.gripper.name);
-    Ok(Some(format!(
-        "the network {network} was trained for the hand {own}, not for {given}: its widths and qualities are those of {own}"
-    )))
+    let (network, name, given) = (config.network.name(), &own.name, &config.gripper.name);
+    Ok((own.numbers() != config.gripper.numbers()).then(|| {
+        format!(
+            "the network {network} was trained for the hand {name}, not for {given}: its widths and qualities are those of {name}"
+        )
+    }))
 }
 
 /// A network and settings, ready to plan. Planning does not change it.
@@ -117,8 +130,8 @@ impl Planner {
     /// # Errors
     /// If no judge was trained for the settings' hand.
     pub fn built_in(config: Config) -> Result<Self, Failure> {
-        let warning = other_hand(&config)?;
         let (own, others) = weights(config.network);
+        let warning = if others.is_none() { other_hand(&config)? } else { None };
         let of = |(file, path): Weights| Self::from_bytes(file, Path::new(path), config.clone());
         let made = of(own).or_else(|why| others.map_or(Err(why), of))?;
         Ok(Self { warning, ..made })
@@ -163,87 +176,75 @@ impl Planner {
         options: &PlanOptions,
         will_do: &WillDo<'_>,
     ) -> Result<Plan, InputError> {
-        let seed = self.config.seed;
-        let (mut timings_ms, mut warnings) = (Vec::new(), Vec::from_iter(self.warning.clone()));
-        let Some(wanted) = &options.find_table else {
-            match observation {
-                Observation::Views(views) => {
-                    warnings.extend(frame::disagreements(views, options.base_from_workspace, &self.grid, seed));
-                }
-                Observation::Cloud { points_m, .. } => {
-                    warnings.extend(frame::in_camera_frame(points_m, &self.grid, seed));
-                }
-                Observation::Tsdf(_) => {}
+        let (seed, mut timings_ms) = (self.config.seed, Vec::new());
+        let (table, warnings) = match &options.find_table {
+            None => (None, frame::doubts(observation, options.base_from_workspace, &self.grid, seed)),
+            Some(wanted) => {
+                let found = timed(&mut timings_ms, "table", || {
+                    frame::find(&frame::shown_m(observation)?, wanted, &self.grid, seed)
+                })?;
+                let warnings = found.warning().into_iter().collect();
+                (Some(found), warnings)
             }
-            return self.plan_at_once(observation, options, (will_do, None), (timings_ms, warnings));
         };
-        let found = timed(&mut timings_ms, "table", || frame::find(observation, wanted, &self.grid, seed))?;
-        warnings.extend(found.warning());
-        let moved = frame::moved(observation, &found.workspace_from_first);
-        let options = options.seen_from(found.workspace_from_first);
-        self.plan_at_once(&moved, &options, (will_do, Some(found)), (timings_ms, warnings))
+        let moved = table.as_ref().map(|found| frame::moved(observation, &found.workspace_from_first));
+        let observation = moved.as_ref().unwrap_or(observation);
+        let sight = Sight {
+            views: observation.images(),
+            view_count: observation.views(),
+            table,
+            known: &[],
+            timings_ms,
+            warnings,
+        };
+        let fused = &mut |workspace: &Workspace| fuse(observation, workspace, self.config.cloud);
+        self.plan_seen(sight, options, will_do, fused).map(|(plan, _)| plan)
     }
 
-    /// The same where the workspace is known.
-    fn plan_at_once(
+    /// Plans from what was seen, whose fields `fused` makes; beside the plan the hands that may be good when the scene
+    /// is seen again.
+    pub(crate) fn plan_seen(
         &self,
-        observation: &Observation,
+        sight: Sight<'_>,
         options: &PlanOptions,
-        limits: (&WillDo<'_>, Option<FoundTable>),
-        said: (Timings, Vec<String>),
-    ) -> Result<Plan, InputError> {
-        let mut fused = |workspace: &Workspace| fuse(observation, workspace, self.config.cloud);
-        self.plan_in_workspace(observation, options, limits, said, (&mut fused, &[])).map(|(plan, _)| plan)
-    }
-
-    /// The same with the fields of the observation, as `fused` makes them, and hands that were good in an earlier look;
-    /// beside the plan those that may be good in the next one.
-    pub(crate) fn plan_in_workspace(
-        &self,
-        observation: &Observation,
-        options: &PlanOptions,
-        (will_do, found): (&WillDo<'_>, Option<FoundTable>),
-        (mut timings_ms, mut warnings): (Timings, Vec<String>),
-        (fused, known): (&mut Fused<'_>, &[Grasp]),
+        will_do: &WillDo<'_>,
+        fused: &mut Fused<'_>,
     ) -> Result<(Plan, Vec<Grasp>), InputError> {
+        let Sight { views, view_count, table, known, mut timings_ms, mut warnings } = sight;
+        warnings.splice(0..0, self.warning.clone());
+        let found = options.find_table.and(table.as_ref());
+        let seen_from = found.map(|found| options.seen_from(found.workspace_from_first));
+        let options = seen_from.as_ref().unwrap_or(options);
         let workspace = self.method.workspace(&self.config, options);
         let mut volume = timed(&mut timings_ms, "fuse", || fused(&workspace))?;
-        let views = match observation {
-            Observation::Views(views) => views,
-            _ => &volume.rendered,
-        };
+        let (rendered, table_z_m) = (take(&mut volume.rendered), volume.grid.lattice.table_z_m);
+        let shown = views.unwrap_or(&rendered);
         let walls = match self.config.collision.walls {
-            true => {
-                timed(&mut timings_ms, "walls", || Walls::among(&volume.points_m, views, volume.grid.lattice.table_z_m))
-            }
+            true => timed(&mut timings_ms, "walls", || Walls::among(&volume.points_m, shown, table_z_m)),
             false => Walls::default(),
         };
         // The object at a point takes the segments; otherwise the network runs beside the segmentation.
         let mut segments = None;
-        let target_points = match (&options.limits.target, observation) {
+        let target_points = match (&options.limits.target, views) {
             (None, _) => None,
             (Some(Target::Point(target_m)), _) => {
                 let (cloud, _) = segments.insert(segment(take(&mut volume.points_m), &self.config));
                 Some(object_points(cloud, *target_m))
             }
-            (Some(Target::Masks(masks)), Observation::Views(views)) => {
+            (Some(Target::Masks(masks)), Some(views)) => {
                 must_fit(masks, views)?;
                 Some(seen_points(&volume.points_m, views, masks, self.grid.table_z_m))
             }
-            (Some(Target::Points(target_m)), _) => {
-                Some(near_points(&volume.points_m, target_m, volume.grid.lattice.table_z_m))
-            }
-            (Some(Target::Masks(_)), _) => return refuse("masks go with views: mask"),
+            (Some(Target::Points(target_m)), _) => Some(near_points(&volume.points_m, target_m, table_z_m)),
+            (Some(Target::Masks(_)), None) => return refuse("masks go with views: mask"),
         };
-        let Config { gripper, collision, .. } = &self.config;
-        let widths = Widths::new(views, volume.grid.lattice.table_z_m, gripper);
-        let pregrasp_m = collision.pregrasp_distance_m;
+        let widths = Widths::new(shown, table_z_m, &self.config.gripper);
         let in_sight = |pose: &Pose| !widths.is_out_of_sight(pose);
-        let limiter = Limiter::new(&options.limits, gripper, pregrasp_m, (target_points, walls), &in_sight, will_do);
+        let limiter = Limiter::new(&options.limits, &self.config, target_points, walls, &in_sight, will_do);
         let observed = ObservedScene {
             field: &volume.grid,
             fine: volume.fine.as_deref(),
-            views: observation.views(),
+            views: view_count,
             reach_m: volume.reach_m,
             known,
         };
@@ -257,16 +258,14 @@ impl Planner {
             },
         );
         timings_ms.append(&mut segment_ms);
-        let workspace_from_first = match observation {
-            Observation::Views(views) => views.first().map(|view| view.camera.workspace_from_camera),
-            _ => found.as_ref().map(|found| found.workspace_from_first),
+        let workspace_from_first = match views {
+            Some(views) => views.first().map(|view| view.camera.workspace_from_camera),
+            None => table.as_ref().map(|found| found.workspace_from_first),
         };
-        let seen = Seen { region: volume.grid.lattice, scene, workspace_from_first, table: found };
+        let seen = Seen { region: volume.grid.lattice, scene, workspace_from_first, table };
         let known = take(&mut candidates.known);
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(candidates, segments, seen, &request));
-        if let Observation::Views(views) = observation {
-            warnings.extend(frame::cut(views, volume.reach_m, volume.grid.lattice.table_z_m));
-        }
+        warnings.extend(views.into_iter().flat_map(|views| frame::cut(views, volume.reach_m, table_z_m)));
         warnings.extend(volume.warnings);
         plan.warnings.splice(0..0, warnings);
         plan.timings_ms = timings_ms;
