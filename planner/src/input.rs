@@ -35,6 +35,7 @@ pub use error::InputError;
 pub(crate) use error::refuse;
 pub use file::read_file;
 pub use lens_file::{ReadLens, read_intrinsics};
+pub use options::options_from_json;
 pub(crate) use request::parse_toml;
 pub use request::{BoxInput, ConeInput, DataInput, PlaceInput, RequestInput, SourceInput, ViewInput};
 pub use tsdf::read_tsdf;

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 from functools import partial
 from inspect import Parameter, signature
@@ -19,15 +21,6 @@ from .scene import Immutable, _images, _simulation
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
-
-#: The largest number of grasps to avoid.
-AVOID_MAX = 256
-#: The largest number of planes that the gripper must not cross.
-KEEP_OUT_MAX = 64
-RADIUS_M_MAX = 1.0
-#: Smallest and largest side of a workspace, in metres.
-WORKSPACE_M = (0.2, 1.2)
-
 
 class PlanOptions(TypedDict, total=False):
     """Options of a plan. Points, poses and directions are in the workspace.
@@ -86,25 +79,25 @@ class PlanOptions(TypedDict, total=False):
 _HERE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
 
-def _checked(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
-    """The options of a plan, checked, for the native half."""
-    if unknown := [name for name in options if name not in _CHECKS]:
-        raise TypeError(f"unexpected keyword argument {unknown[0]!r}: a plan has {', '.join(_CHECKS)}")
+def _request(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
+    """The options of a plan in the JSON of a request, which the native half checks, and the functions of the user."""
+    known = PlanOptions.__annotations__
+    if unknown := [name for name in options if name not in known]:
+        raise TypeError(f"unexpected keyword argument {unknown[0]!r}: a plan has {', '.join(known)}")
     given = {name: value for name, value in options.items() if value is not None}
-    if (alone := given.keys() & {"down", "base_from_camera"}) and not finds_table:
-        where = "a first camera without a pose, or workspace_from_cloud='table'"
-        raise InputError(f"{min(alone)} goes with a table that is found: {where}")
-    if "base_from_workspace" in given and finds_table:
-        raise InputError("base_from_workspace must not be given where the table is found: give base_from_camera")
-    missing: dict[str, Any] = {"explain": False, "avoid": [], "avoid_objects": [], "keep_out": []}
-    checked = {name: check(given[name]) if name in given else missing.get(name) for name, check in _CHECKS.items()}
-    if "accept" in given and "accept_batch" in given:
+    functions = {name: given.pop(name, None) for name in ("accept", "accept_batch")}
+    for name, function in functions.items():
+        if function is not None and not callable(function):
+            what = "poses" if name == "accept_batch" else "a pose"
+            raise InputError(f"{name} must be a function of {what}, got {_arrays.shown(function)}")
+    if None not in functions.values():
         raise InputError("accept and accept_batch must not both be given")
-    return checked | {"finds_table": finds_table, "is_asked": "accept" in given or "accept_batch" in given}
+    text = json.dumps({name: _encoded(name, value) for name, value in given.items()})
+    return {"options": text, "finds_table": finds_table, "is_asked": any(one is not None for one in functions.values()), **functions}
 
 
 def _planned(begin: Callable[..., _native.Plan | _native.Planning], *observation: Any) -> Plan:
-    """A plan of an observation, with checked options at its end. The user's functions are called here, on the caller's thread."""
+    """A plan of an observation, with a request at its end. The user's functions are called here, on the caller's thread."""
     planning = begin(*observation)
     if isinstance(planning, _native.Plan):
         return Plan._of(planning)
@@ -225,7 +218,7 @@ class Planner(Immutable):
         masks = None if mask is None else _masks(_arrays.listed("mask", mask), images)
         if masks is not None and options.get("target_m") is not None:
             raise InputError("mask and target_m must not both be given")
-        return _planned(self._native.plan_views, images, intrinsics, poses, masks, _checked(options, finds_table))
+        return _planned(self._native.plan_views, images, intrinsics, poses, masks, _request(options, finds_table))
 
     def observe(self, depth: ArrayLike, camera: Camera) -> KeptScene:
         """Begins a scene to which images are added one by one, as :meth:`KeptScene.observe` does.
@@ -278,7 +271,7 @@ class Planner(Immutable):
             eyes = eyes if len(eyes) else np.zeros((1, 3), np.float32)
             parts = (points, eyes, thing)
             points, eyes, thing = ((part @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32) for part in parts)
-        return _planned(self._native.plan_cloud, points, eyes, thing, _checked(options, finds_table))
+        return _planned(self._native.plan_cloud, points, eyes, thing, _request(options, finds_table))
 
     @_with_options
     def plan_tsdf(self, tsdf: ArrayLike, **options: Unpack[PlanOptions]) -> Plan:
@@ -289,11 +282,11 @@ class Planner(Immutable):
                 of another size has as many voxels of 7.5 mm as fit its side.
             **options: See :class:`PlanOptions`.
         """
-        checked = _checked(options)
-        side = self._native.grid(checked["workspace_size_m"])[1]
+        request = _request(options)
+        side = self._native.grid(request)[1]
         values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
         _arrays.vgn_values("tsdf", values)
-        return _planned(self._native.plan_tsdf, values.ravel(), checked)
+        return _planned(self._native.plan_tsdf, values.ravel(), request)
 
 
 class KeptScene:
@@ -340,46 +333,12 @@ class KeptScene:
             InputError: If there is no image, or the scene is used while it is being planned.
         """
         self._must_rest()
-        checked = _checked(options, bool(self._finds_table))
+        request = _request(options, bool(self._finds_table))
         self._is_planned = True
         try:
-            return _planned(self._native.plan, checked)
+            return _planned(self._native.plan, request)
         finally:
             self._is_planned = False
-
-
-def _numbers(name: str, value: Any, *shape: int) -> list[float]:
-    return [float(part) for part in _arrays.floats(name, value, shape)]
-
-
-def _wrist(value: Any) -> list[float]:
-    wrist = _numbers("workspace_from_wrist", value, 4)
-    length = float(np.linalg.norm(wrist))
-    if abs(length - 1.0) > _arrays.RIGID_OFF_MAX:
-        raise InputError(f"workspace_from_wrist must have length 1 within {_arrays.RIGID_OFF_MAX:g}, got {length:.4g}")
-    return wrist
-
-
-def _avoided(value: Any) -> list[list[float]]:
-    poses = _arrays.poses("avoid", value)
-    if len(poses) > AVOID_MAX:
-        raise InputError(f"avoid must be at most {AVOID_MAX} grasps, got {len(poses)}")
-    return [[float(part) for part in pose] for pose in poses]
-
-
-def _balls(value: Any) -> list[list[float]]:
-    balls = _arrays.floats("avoid_objects", value, (None, 4), " (x, y, z, radius)")
-    if len(balls) > AVOID_MAX:
-        raise InputError(f"avoid_objects must be at most {AVOID_MAX} points with radii, got {len(balls)}")
-    if len(balls) and not ((balls[:, 3] >= 0.0) & (balls[:, 3] <= RADIUS_M_MAX)).all():
-        raise InputError(f"avoid_objects must have radii between 0 and {RADIUS_M_MAX:g} m, got {balls[:, 3].tolist()}")
-    return [[float(part) for part in ball] for ball in balls]
-
-
-def _accepting(name: str, accept: Any) -> Any:
-    if not callable(accept):
-        raise InputError(f"{name} must be a function of {'poses' if name == 'accept_batch' else 'a pose'}, got {_arrays.shown(accept)}")
-    return accept
 
 
 def _accepted(value: Any, count: int) -> list[bool]:
@@ -389,53 +348,39 @@ def _accepted(value: Any, count: int) -> list[bool]:
     return [bool(one) for one in array]
 
 
-def _cone(approach: Any) -> tuple[list[float], float]:
-    try:
-        direction, angle = approach
-    except (TypeError, ValueError) as error:
-        raise InputError("approach must be a direction and an angle in radians, such as ((0, 0, -1), 0.5)") from error
-    vector = _numbers("approach direction", direction, 3)
-    if np.linalg.norm(vector) < 1e-6:
-        raise InputError("approach must have a direction, got zeros")
-    return vector, _arrays.number("approach angle", angle, 0.0, float(np.pi))
+#: The shapes of those options that are arrays.
+_SHAPES = {"down": (3,), "target_m": (3,), "workspace_from_wrist": (4,), "avoid_objects": (None, 4), "keep_out": (None, 4), "reach": (2, 3)}
 
 
-def _planes(keep_out: Any) -> list[list[float]]:
-    planes = _arrays.floats("keep_out", keep_out, (None, 4), " (nx, ny, nz, offset)")
-    if len(planes) > KEEP_OUT_MAX:
-        raise InputError(f"keep_out must be at most {KEEP_OUT_MAX} planes, got {len(planes)}")
-    if len(planes) and np.linalg.norm(planes[:, :3], axis=1).min() < 1e-6:
-        raise InputError("keep_out must have normals, got zeros")
-    return [[float(part) for part in plane] for plane in planes]
+def _encoded(name: str, value: Any) -> Any:
+    """An option as a request has it. Only what is no such option in JSON is refused here."""
+    if name in ("base_from_camera", "base_from_workspace"):
+        return _parts(_arrays.pose(name, value))
+    if name == "avoid":
+        return [_parts(pose) for pose in _arrays.poses(name, value).tolist()]
+    if name == "approach":
+        try:
+            direction, angle = value
+        except (TypeError, ValueError) as error:
+            raise InputError("approach must be a direction and an angle in radians, such as ((0, 0, -1), 0.5)") from error
+        vector = _arrays.floats("approach direction", direction, (3,)).tolist()
+        return {"direction": vector, "angle_rad_max": _arrays.number("approach angle", angle, -math.inf, math.inf)}
+    if name in _SHAPES:
+        numbers = _arrays.floats(name, value, _SHAPES[name]).tolist()
+        if name == "reach":
+            return dict(zip(("low_m", "high_m"), numbers))
+        return {"quaternion_xyzw": numbers} if name == "workspace_from_wrist" else numbers
+    if name in ("check_collisions", "explain"):
+        return _arrays.flag(name, value)
+    if name == "policy":
+        return _arrays.text(name, value)
+    if name == "grasps_max":
+        return _arrays.whole(name, value, -(2**63), 2**63)
+    return _arrays.number(name, value, -math.inf, math.inf)
 
 
-def _box(reach: Any) -> list[list[float]]:
-    corners = _arrays.floats("reach", reach, (2, 3))
-    if (corners[0] > corners[1]).any():
-        raise InputError(f"reach must be a lower and an upper corner, got {corners[0].tolist()} and {corners[1].tolist()}")
-    return [[float(part) for part in corner] for corner in corners]
-
-
-#: What the native half gets of each option.
-_CHECKS: dict[str, Callable[[Any], Any]] = {
-    "workspace_size_m": lambda value: _arrays.number("workspace_size_m", value, *WORKSPACE_M),
-    "down": lambda value: _numbers("down", value, 3),
-    "base_from_camera": lambda value: _arrays.pose("base_from_camera", value),
-    "base_from_workspace": lambda value: _arrays.pose("base_from_workspace", value),
-    "workspace_from_wrist": _wrist,
-    "policy": lambda value: _arrays.text("policy", value),
-    "check_collisions": lambda value: _arrays.flag("check_collisions", value),
-    "grasps_max": lambda value: _arrays.whole("grasps_max", value, 1, 10_000),
-    "explain": lambda value: _arrays.flag("explain", value),
-    "avoid": _avoided,
-    "avoid_objects": _balls,
-    "target_m": lambda value: _numbers("target_m", value, 3),
-    "approach": _cone,
-    "keep_out": _planes,
-    "reach": _box,
-    "accept": lambda value: _accepting("accept", value),
-    "accept_batch": lambda value: _accepting("accept_batch", value),
-}
+def _parts(pose: list[float]) -> dict[str, list[float]]:
+    return {"position_m": pose[:3], "quaternion_xyzw": pose[3:]}
 
 
 def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[np.bool_] | None]:

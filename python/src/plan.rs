@@ -6,17 +6,17 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use graspmill::planning::show::{draw_into, page};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
-use planner::input::check_image;
-use planner::{Ball, Cone, Config, FindTable, Limits, Observation, PlanOptions, Policy, Target, View, WillDo, plane};
+use planner::input::{check_image, options_from_json};
+use planner::{Config, Observation, PlanOptions, Target, View, WillDo};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use report::still::Image;
-use schema::{Gripper, Pose, Quat, Vec3, VoxelGrid};
+use schema::{Gripper, Pose, Vec3, VoxelGrid};
 
 use crate::fault::{array, free, raised, room, wrong};
 use crate::pool::{Apart, on_threads};
-use crate::scene::{Seven, Simulation, camera, image, pose, seven};
+use crate::scene::{Seven, Simulation, camera, image, seven};
 
 /// Memory for making a planner, whose weights are prepared on all threads, in bytes.
 const PLANNER_BYTES: usize = 48 << 20;
@@ -33,61 +33,25 @@ pub(crate) struct Planner {
     threads: usize,
 }
 
-/// Options of a plan, as Python has them.
+/// What is asked for beside the observation.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Request {
+    /// The options in the JSON of a request.
+    options: String,
     /// Whether poses are in the first camera's frame, or a cloud in its sensor's.
     finds_table: bool,
-    down: Option<[f32; 3]>,
-    base_from_camera: Option<Seven>,
-    workspace_size_m: Option<f32>,
-    base_from_workspace: Option<Seven>,
-    workspace_from_wrist: Option<[f32; 4]>,
-    policy: Option<String>,
-    check_collisions: Option<bool>,
-    grasps_max: Option<usize>,
-    explain: bool,
-    avoid: Vec<Seven>,
-    /// Points and radii.
-    avoid_objects: Vec<[f32; 4]>,
-    /// A direction and an angle.
-    approach: Option<([f32; 3], f32)>,
-    /// Normals and offsets.
-    keep_out: Vec<[f32; 4]>,
-    /// The lower and the upper corner.
-    reach: Option<[[f32; 3]; 2]>,
-    target_m: Option<[f32; 3]>,
     /// Whether the caller is asked about grasps.
     is_asked: bool,
 }
 
 impl Request {
-    fn options(self) -> PyResult<PlanOptions> {
-        Ok(PlanOptions {
-            find_table: self.finds_table.then(|| FindTable {
-                down: self.down.map(Vec3::from_array),
-                base_from_camera: self.base_from_camera.map(pose),
-            }),
-            workspace_size_m: self.workspace_size_m,
-            base_from_workspace: self.base_from_workspace.map(pose),
-            workspace_from_wrist: self.workspace_from_wrist.map(|wrist| Quat::from_array(wrist).normalize()),
-            policy: self.policy.map(Policy::try_from).transpose().map_err(wrong)?,
-            check_collisions: self.check_collisions,
-            grasps_max: self.grasps_max,
-            explain: self.explain,
-            avoid: self.avoid.into_iter().map(pose).collect(),
-            limits: Limits {
-                approach: self.approach.map(|(direction, angle)| Cone::about(Vec3::from_array(direction), angle)),
-                keep_out: self.keep_out.into_iter().map(|[x, y, z, off]| plane(Vec3::new(x, y, z), off)).collect(),
-                reach_m: self.reach.map(|corners| corners.map(Vec3::from_array)),
-                avoid_objects: self
-                    .avoid_objects
-                    .into_iter()
-                    .map(|[x, y, z, radius_m]| Ball { centre_m: Vec3::new(x, y, z), radius_m })
-                    .collect(),
-                target: self.target_m.map(|point_m| Target::Point(Vec3::from_array(point_m))),
-            },
+    fn options(&self) -> PyResult<PlanOptions> {
+        options_from_json(self.options.as_bytes(), self.finds_table).map_err(|error| {
+            let text = error.to_string();
+            // An argument comes before its rule.
+            let turned = text.rsplit_once(": ").filter(|(rule, _)| rule.starts_with("must"));
+            wrong(turned.map_or_else(|| text.clone(), |(rule, name)| format!("{name} {rule}")))
         })
     }
 }
@@ -116,11 +80,12 @@ impl Planner {
         Ok(Self { planner: Arc::new(free(py, made)?), threads })
     }
 
-    /// A workspace of a size, by default the network's: its side in metres, voxels along a side, the table's height in
+    /// The workspace of a request, by default the network's: its side in metres, voxels along a side, the table's height in
     /// metres.
-    fn grid(&self, workspace_size_m: Option<f32>) -> (f32, usize, f32) {
-        let grid = PlanOptions { workspace_size_m, ..PlanOptions::default() }.workspace(&self.planner.grid);
-        (grid.size_m, grid.resolution, grid.table_z_m)
+    fn grid(&self, request: Option<Request>) -> PyResult<(f32, usize, f32)> {
+        let options = request.map(|request| request.options()).transpose()?.unwrap_or_default();
+        let grid = options.workspace(&self.planner.grid);
+        Ok((grid.size_m, grid.resolution, grid.table_z_m))
     }
 
     /// SHA-256 of the network's file.
@@ -160,7 +125,7 @@ impl Planner {
             Ok(said.map(|said| format!("{said}: depth image {number}")))
         };
         let warnings = views.iter().enumerate().filter_map(|view| check(view).transpose()).collect::<PyResult<_>>()?;
-        self.plan(py, Observation::Views(views), options, (is_asked, warnings))
+        self.plan(py, Observation::Views(views), options, is_asked, warnings)
     }
 
     /// A plan from a cloud, `[N, 3]` in the workspace, seen from `[M, 3]`, of the object with these points or, if there
@@ -183,7 +148,7 @@ impl Planner {
         if !object_m.is_empty() {
             options.limits.target = Some(Target::Points(object_m));
         }
-        self.plan(py, Observation::Cloud { points_m, eyes_m: points(&eyes_m) }, options, (is_asked, Vec::new()))
+        self.plan(py, Observation::Cloud { points_m, eyes_m: points(&eyes_m) }, options, is_asked, Vec::new())
     }
 
     /// A plan from a TSDF in VGN's values, flat.
@@ -193,7 +158,7 @@ impl Planner {
         let values = values.as_array().iter().copied().collect();
         let grid = options.workspace(&self.planner.grid);
         let grid = VoxelGrid::new(grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
-        self.plan(py, Observation::Tsdf(grid), options, (is_asked, Vec::new()))
+        self.plan(py, Observation::Tsdf(grid), options, is_asked, Vec::new())
     }
 }
 
@@ -203,14 +168,15 @@ impl Planner {
         py: Python<'_>,
         observation: Observation,
         options: PlanOptions,
-        (is_asked, warnings): (bool, Vec<String>),
+        is_asked: bool,
+        warnings: Vec<String>,
     ) -> PyResult<Planned> {
         let first = match &observation {
             Observation::Views(views) => views.first().cloned(),
             _ => None,
         };
         let planner = Arc::clone(&self.planner);
-        planned(py, (self.threads, is_asked), move |will_do| {
+        planned(py, self.threads, is_asked, move |will_do| {
             let mut plan = planner.plan_with(&observation, &options, will_do)?;
             plan.warnings.extend(warnings);
             Ok(Plan { plan, gripper: planner.config.gripper.clone(), first })
@@ -221,7 +187,8 @@ impl Planner {
 /// Makes a plan; if its caller is asked about grasps, on threads of its own.
 fn planned(
     py: Python<'_>,
-    (threads, is_asked): (usize, bool),
+    threads: usize,
+    is_asked: bool,
     plan: impl FnOnce(&WillDo<'_>) -> Result<Plan, Failure> + Send + 'static,
 ) -> PyResult<Planned> {
     if !is_asked {
@@ -282,7 +249,7 @@ impl KeptScene {
         room(PLAN_BYTES)?;
         let (is_asked, options) = (request.is_asked, request.options()?);
         let (planner, scene) = (Arc::clone(&self.planner), Arc::clone(&self.scene));
-        planned(py, (self.threads, is_asked), move |will_do| {
+        planned(py, self.threads, is_asked, move |will_do| {
             let mut scene = unlocked(&scene);
             let plan = planner.plan_kept(&mut scene, &options, will_do)?;
             Ok(Plan { plan, gripper: planner.config.gripper.clone(), first: scene.last().cloned() })

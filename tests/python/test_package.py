@@ -485,10 +485,10 @@ def test_wrong_limits_are_refused(planner):
     refused("mask 0 must be bool or uint8", lambda: planner.plan(depth, camera, mask=depth))
     refused("must not both", lambda: planner.plan(depth, camera, mask=depth > 0, target_m=(0, 0, 0)))
     refused("approach must be", lambda: planner.plan(depth, camera, approach=1.0))
-    refused("approach angle must be between", lambda: planner.plan(depth, camera, approach=((0, 0, -1), 4.0)))
-    refused("keep_out must have normals", lambda: planner.plan(depth, camera, keep_out=[(0, 0, 0, 1)]))
+    refused("approach.angle_rad_max must be between", lambda: planner.plan(depth, camera, approach=((0, 0, -1), 4.0)))
+    refused(r"keep_out\[0\] must be a direction", lambda: planner.plan(depth, camera, keep_out=[(0, 0, 0, 1)]))
     refused("keep_out must have the shape", lambda: planner.plan(depth, camera, keep_out=[(0, 0, 1)]))
-    refused("lower and an upper", lambda: planner.plan(depth, camera, reach=((1, 1, 1), (0, 0, 0))))
+    refused("reach.high_m must be at least low_m", lambda: planner.plan(depth, camera, reach=((1, 1, 1), (0, 0, 0))))
 
 
 def test_a_stored_scene_keeps_its_hand_and_laws_when_a_setting_is_given(tmp_path):

@@ -285,7 +285,7 @@ def test_a_camera_that_is_calibrated_to_the_base_gives_gravity_and_the_bases_fra
 def test_what_contradicts_itself_is_refused():
     depth, camera, pose = seen_from(EYES[0])
     points, tsdf = points_of(depth), graspmill.Scene([BOX]).tsdf([RIGHT])
-    goes_with = "down goes with a table that is found"
+    goes_with = "down goes with a table that is to be found"
     for expected, call in (
         ("base_from_workspace must not be given", lambda: PLANNER.plan(depth, camera, base_from_workspace=np.eye(4))),
         ("base_from_workspace must not be given", lambda: PLANNER.plan_cloud(points, workspace_from_cloud="table", base_from_workspace=np.eye(4))),
@@ -293,7 +293,7 @@ def test_what_contradicts_itself_is_refused():
         (goes_with, lambda: PLANNER.plan_cloud(points, down=(0, 0, 1))),
         (goes_with, lambda: PLANNER.plan_cloud(points, workspace_from_cloud=pose, down=(0, 0, 1))),
         (goes_with, lambda: PLANNER.plan_tsdf(tsdf, down=(0, 0, 1))),
-        ("base_from_camera goes with a table that is found", lambda: PLANNER.plan(DEPTH, RIGHT, base_from_camera=np.eye(4))),
+        ("base_from_camera goes with a table that is to be found", lambda: PLANNER.plan(DEPTH, RIGHT, base_from_camera=np.eye(4))),
         ("workspace_from_cloud", lambda: PLANNER.plan_cloud(points, workspace_from_cloud="floor")),
         ("down", lambda: PLANNER.plan(depth, camera, down=(0, 1))),
         ("no table was found", lambda: PLANNER.plan_cloud(np.zeros((0, 3)), workspace_from_cloud="table")),

@@ -264,33 +264,40 @@ fn overlaid(
 }
 
 fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
-    let source = |path: &PathBuf| SourceInput::Path(path.to_string_lossy().into_owned());
-    input.tsdf = arguments.tsdf.as_ref().map(source).or(input.tsdf.take());
-    input.cloud = arguments.cloud.as_ref().map(source).or(input.cloud.take());
-    input.object = arguments.object.as_ref().map(source).or(input.object.take());
-    input.eyes_m = Some(arguments.eye.clone()).filter(|eyes| !eyes.is_empty()).or(input.eyes_m.take());
-    input.workspace_from_cloud = arguments.workspace_from_cloud.clone().or(input.workspace_from_cloud.take());
-    input.down = arguments.down.or(input.down);
-    input.base_from_camera = arguments.base_from_camera.map(pose).or(input.base_from_camera.take());
-    input.policy = arguments.policy.or(input.policy);
-    input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
-    input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
-    input.explain = arguments.explain.then_some(true).or(input.explain);
-    input.workspace_size_m = arguments.workspace_size.or(input.workspace_size_m);
-    input.base_from_workspace = arguments.base_from_workspace.map(pose).or(input.base_from_workspace.take());
-    let avoid = Some(arguments.avoid.iter().copied().map(pose).collect::<Vec<_>>());
-    input.avoid = avoid.filter(|hands| !hands.is_empty()).or(input.avoid.take());
-    let things = Some(arguments.avoid_object.clone()).filter(|things| !things.is_empty());
-    input.avoid_objects = things.or(input.avoid_objects.take());
-    input.target_m = arguments.target.or(input.target_m);
+    let source =
+        |path: &Option<PathBuf>| path.as_ref().map(|path| SourceInput::Path(path.to_string_lossy().into_owned()));
+    set(&mut input.tsdf, source(&arguments.tsdf));
+    set(&mut input.cloud, source(&arguments.cloud));
+    set(&mut input.object, source(&arguments.object));
+    set(&mut input.eyes_m, some(&arguments.eye));
+    set(&mut input.workspace_from_cloud, arguments.workspace_from_cloud.clone());
+    set(&mut input.down, arguments.down);
+    set(&mut input.base_from_camera, arguments.base_from_camera.map(pose));
+    set(&mut input.policy, arguments.policy);
+    set(&mut input.grasps_max, arguments.grasps.map(|count| count as usize));
+    set(&mut input.check_collisions, arguments.check_collisions.then_some(true));
+    set(&mut input.explain, arguments.explain.then_some(true));
+    set(&mut input.workspace_size_m, arguments.workspace_size);
+    set(&mut input.base_from_workspace, arguments.base_from_workspace.map(pose));
+    set(&mut input.avoid, some(&arguments.avoid).map(|hands| hands.into_iter().map(pose).collect()));
+    set(&mut input.avoid_objects, some(&arguments.avoid_object));
+    set(&mut input.target_m, arguments.target);
     let cone = |[x, y, z, angle_rad_max]: [f64; 4]| ConeInput { direction: [x, y, z], angle_rad_max };
-    input.approach = arguments.approach.map(cone).or(input.approach);
-    let planes = Some(arguments.keep_out.clone()).filter(|planes| !planes.is_empty());
-    input.keep_out = planes.or(input.keep_out.take());
+    set(&mut input.approach, arguments.approach.map(cone));
+    set(&mut input.keep_out, some(&arguments.keep_out));
     let corners = |[x, y, z, high @ ..]: [f64; 6]| BoxInput { low_m: [x, y, z], high_m: high };
-    input.reach = arguments.reach.map(corners).or(input.reach);
-    let wrist = arguments.wrist.map(|quaternion_xyzw| OrientationInput { quaternion_xyzw });
-    input.workspace_from_wrist = wrist.or(input.workspace_from_wrist.take());
+    set(&mut input.reach, arguments.reach.map(corners));
+    set(&mut input.workspace_from_wrist, arguments.wrist.map(|quaternion_xyzw| OrientationInput { quaternion_xyzw }));
+}
+
+/// A flag counts more than the file.
+fn set<T>(key: &mut Option<T>, flag: Option<T>) {
+    *key = flag.or(key.take());
+}
+
+/// A flag that may be repeated, if it was given.
+fn some<T: Clone>(flags: &[T]) -> Option<Vec<T>> {
+    (!flags.is_empty()).then(|| flags.to_vec())
 }
 
 fn pose([x, y, z, quaternion_xyzw @ ..]: [f64; 7]) -> PoseInput {

@@ -41,8 +41,7 @@ pub struct Request {
 /// # Errors
 /// [`InputError`], naming the key.
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
-    input.check_counts()?;
-    let mut options = options(input)?;
+    let mut options = options(input, finds_table(input)?)?;
     let grid = options.workspace(&grid);
     let config = input.config.as_deref().map(|name| {
         let names = BuiltIn::ALL.map(BuiltIn::name).join(", ");
@@ -52,8 +51,6 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     let config = config.transpose()?;
     let mut assembly =
         Assembly { input, folder, base_from_workspace: options.base_from_workspace, warnings: Vec::new() };
-    let finds_table = assembly.finds_table()?;
-    options.find_table = options.find_table.filter(|_| finds_table);
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
         (Some(views), None, None) => assembly.views(views).map(|(seen, masks)| {
             if masks.iter().any(Option::is_some) {
@@ -84,6 +81,19 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
         return refuse("intrinsics goes with views: intrinsics");
     }
     Ok(Request { observation, config, options, warnings: assembly.warnings })
+}
+
+/// Whether the table is to be found: `"table"` stands for the pose of the first view, or of the cloud.
+fn finds_table(input: &RequestInput) -> Result<bool, InputError> {
+    let is_table = |place: &Option<PlaceInput>| *place == Some(PlaceInput::Table);
+    let views = input.views.as_deref().unwrap_or_default();
+    if let Some(number) = views.iter().skip(1).position(|view| is_table(&view.workspace_from_camera)) {
+        return refuse(format!(
+            "only the first view's pose may be \"table\", others have first_from_camera: views[{}].workspace_from_camera",
+            number + 1
+        ));
+    }
+    Ok(is_table(&input.workspace_from_cloud) || views.first().is_some_and(|view| is_table(&view.workspace_from_camera)))
 }
 
 /// A request to the service: without paths, because the service reads no files.
@@ -158,9 +168,9 @@ impl Assembly<'_> {
         for (number, view) in views.iter().enumerate() {
             let at = format!("views[{number}]");
             let first = seen.first().map(|first| first.camera.workspace_from_camera);
-            let placed = self.place_of(view, first, &at)?;
+            let (pose, key) = self.place_of(view, first, &at)?;
             let given_mask = view.mask.as_ref();
-            let view = self.view(view, placed, &at, pixels_left)?;
+            let view = self.view(view, pose, key, &at, pixels_left)?;
             let size = [view.image.width_px, view.image.height_px];
             let read = |source| self.read(source, &format!("{at}.mask"), |bytes| read_mask(bytes, size));
             masks.push(given_mask.map(read).transpose()?);
@@ -173,7 +183,8 @@ impl Assembly<'_> {
     fn view(
         &mut self,
         view: &ViewInput,
-        (workspace_from_camera, key): (Pose, PoseKey),
+        workspace_from_camera: Pose,
+        key: PoseKey,
         at: &str,
         pixels_max: usize,
     ) -> Result<View, InputError> {
@@ -188,33 +199,6 @@ impl Assembly<'_> {
         self.warnings.extend(odd.into_iter().map(|warning| format!("{warning}: {depth_at}")));
         let intrinsics = intrinsics(lens, [image.width_px, image.height_px], &lens_at)?;
         Ok(View { image, camera: Camera { intrinsics, workspace_from_camera }, key })
-    }
-
-    /// Whether the table is to be found: `"table"` stands for the pose of the first view, or of the cloud.
-    fn finds_table(&self) -> Result<bool, InputError> {
-        let is_table = |place: &Option<PlaceInput>| *place == Some(PlaceInput::Table);
-        let views = self.input.views.as_deref().unwrap_or_default();
-        if let Some(number) = views.iter().skip(1).position(|view| is_table(&view.workspace_from_camera)) {
-            return refuse(format!(
-                "only the first view's pose may be \"table\", others have first_from_camera: views[{}].workspace_from_camera",
-                number + 1
-            ));
-        }
-        let finds = is_table(&self.input.workspace_from_cloud)
-            || views.first().is_some_and(|view| is_table(&view.workspace_from_camera));
-        if finds && self.base_from_workspace.is_some() {
-            return refuse(
-                "the workspace is found, so its place in the base's frame is not known (give base_from_camera): \
-                 base_from_workspace",
-            );
-        }
-        let alone = [("down", self.input.down.is_some()), ("base_from_camera", self.input.base_from_camera.is_some())];
-        match alone.into_iter().find(|(_, is_given)| *is_given && !finds) {
-            Some((key, _)) => {
-                refuse(format!("{key} goes with a table that is to be found, \"table\" in place of a pose: {key}"))
-            }
-            None => Ok(finds),
-        }
     }
 
     /// The camera in the workspace, from its pose under one of five keys. Where the table is to be found, the first
@@ -250,7 +234,7 @@ impl Assembly<'_> {
             (_, None, _) if key.is_of_base() => {
                 return refuse(format!("needs the request's base_from_workspace: {at}"));
             }
-            _ if self.finds_table()? => {
+            _ if finds_table(self.input)? => {
                 return refuse(format!("must be first_from_camera, as the table is found: {at}"));
             }
             _ => Pose::IDENTITY,
@@ -536,19 +520,5 @@ mod tests {
         let seen_from = |count: usize| json!({ "cloud": cloud, "eyes_m": vec![[0, 0, 1]; count] });
         assert!(read(&seen_from(32)).is_ok());
         assert_eq!(message(&seen_from(33)), "must have at most 32 entries, got 33: eyes_m");
-    }
-
-    #[test]
-    fn lists_of_a_command_line_have_the_limits_of_requests() {
-        let with = RequestInput { cloud: Some(SourceInput::Path("cloud.npy".to_owned())), ..RequestInput::default() };
-        let flags = [
-            ("eyes_m", RequestInput { eyes_m: Some(vec![[0.0, 0.0, 1.0]; 33]), ..with.clone() }),
-            ("avoid_objects", RequestInput { avoid_objects: Some(vec![[0.0; 4]; 257]), ..with.clone() }),
-            ("keep_out", RequestInput { keep_out: Some(vec![[0.0, 0.0, 1.0, 0.0]; 65]), ..with }),
-        ];
-        for (key, flags) in flags {
-            let message = assemble(&flags, Some(Path::new("")), Grid::PAPER).unwrap_err().to_string();
-            assert!(message.starts_with("must have at most ") && message.ends_with(key), "{message}");
-        }
     }
 }

@@ -1,10 +1,11 @@
-//! The options of a request: what is wanted of the grasps.
+//! The options of a request: what is wanted of the grasps. The command line, HTTP and Python give them as a
+//! [`RequestInput`], and they are checked here alone.
 
 use schema::Vec3;
 
 use crate::input::camera::{PoseInput, orientation, point, pose};
 use crate::input::error::{InputError, refuse};
-use crate::input::request::{BoxInput, ConeInput, RequestInput};
+use crate::input::request::{BoxInput, ConeInput, RequestInput, parse_json};
 use crate::{Ball, Cone, FindTable, Limits, PlanOptions, Target, WORKSPACE_M, plane};
 
 /// Lengths of vectors that are directions.
@@ -15,11 +16,29 @@ const GRASPS_MAX: usize = 10_000;
 /// Largest radius of a thing to be left, in metres.
 const RADIUS_M_MAX: f64 = 1.0;
 
-/// The options of a request.
+/// The options in the JSON of a request that has nothing else; the observation is the caller's.
 ///
 /// # Errors
 /// [`InputError`], naming the key.
-pub(super) fn options(input: &RequestInput) -> Result<PlanOptions, InputError> {
+pub fn options_from_json(text: &[u8], finds_table: bool) -> Result<PlanOptions, InputError> {
+    options(&parse_json(text)?, finds_table)
+}
+
+/// The options of a request. `finds_table` says whether the table is to be found in the observation.
+///
+/// # Errors
+/// [`InputError`], naming the key.
+pub(super) fn options(input: &RequestInput, finds_table: bool) -> Result<PlanOptions, InputError> {
+    if finds_table && input.base_from_workspace.is_some() {
+        return refuse(
+            "must not be given where the workspace is found, as its place in the base's frame is not known (give \
+             base_from_camera): base_from_workspace",
+        );
+    }
+    let alone = [("down", input.down.is_some()), ("base_from_camera", input.base_from_camera.is_some())];
+    if let Some((key, _)) = alone.into_iter().find(|(_, is_given)| *is_given && !finds_table) {
+        return refuse(format!("{key} goes with a table that is to be found, \"table\" in place of a pose: {key}"));
+    }
     let base_from_workspace = input.base_from_workspace.as_ref().map(|input| pose(input, "base_from_workspace"));
     let base_from_camera = input.base_from_camera.as_ref().map(|input| pose(input, "base_from_camera"));
     let workspace_from_wrist =
@@ -34,13 +53,11 @@ pub(super) fn options(input: &RequestInput) -> Result<PlanOptions, InputError> {
         return refuse(format!("must be between {low} and {high}, got {got}: workspace_size_m"));
     }
     let limits = limits(input)?;
+    let down = input.down.map(|down| direction(down, "down")).transpose()?;
     let failed = |(number, input): (usize, &PoseInput)| pose(input, &format!("avoid[{number}]"));
     Ok(PlanOptions {
         workspace_size_m,
-        find_table: Some(FindTable {
-            down: input.down.map(|down| direction(down, "down")).transpose()?,
-            base_from_camera: base_from_camera.transpose()?,
-        }),
+        find_table: finds_table.then_some(FindTable { down, base_from_camera: base_from_camera.transpose()? }),
         base_from_workspace: base_from_workspace.transpose()?,
         workspace_from_wrist: workspace_from_wrist.transpose()?,
         policy: input.policy,

@@ -12,7 +12,7 @@ use serde_json::error::Category;
 
 use crate::Policy;
 use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput};
-use crate::input::error::{InputError, refuse, shown};
+use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
 use crate::input::lists::{at_most, maybe_numbers, numbers, rows};
 
@@ -104,24 +104,6 @@ pub struct ConeInput {
     pub direction: [f64; 3],
     /// Largest angle from it, in radians, 0 to π.
     pub angle_rad_max: f64,
-}
-
-impl RequestInput {
-    /// Lists of a command line were not parsed with their limits.
-    pub(super) fn check_counts(&self) -> Result<(), InputError> {
-        let count = |list: Option<usize>| list.unwrap_or(0);
-        for (key, got, most) in [
-            ("eyes_m", count(self.eyes_m.as_ref().map(Vec::len)), EYES_MAX),
-            ("avoid", count(self.avoid.as_ref().map(Vec::len)), AVOID_MAX),
-            ("avoid_objects", count(self.avoid_objects.as_ref().map(Vec::len)), AVOID_MAX),
-            ("keep_out", count(self.keep_out.as_ref().map(Vec::len)), KEEP_OUT_MAX),
-        ] {
-            if got > most {
-                return refuse(format!("must have at most {most} entries, got {got}: {key}"));
-            }
-        }
-        Ok(())
-    }
 }
 
 /// A box along the axes of the workspace.
