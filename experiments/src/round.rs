@@ -67,7 +67,7 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
             break Ending::AttemptsMax;
         }
         let mut noise = Stream::new(seed, scene_id, Purpose::DepthNoise, look);
-        let (attempt, left) = match try_once(config, planner, (&scene, &failed_hands), &mut noise, tried) {
+        let (attempt, left) = match try_once(config, planner, &scene, &failed_hands, &mut noise, tried) {
             Ok(Some(tried)) => tried,
             Ok(None) => break Ending::NoGrasp,
             Err(NoPlan::Refused(error)) => return Err(failed(error_chain(&error))),
@@ -120,7 +120,8 @@ fn rest_again(config: &generator::Config, before: &Scene, left: &[SceneObject]) 
 fn try_once(
     config: &Config,
     planner: &dyn Plans,
-    (scene, failed): (&Scene, &[Pose]),
+    scene: &Scene,
+    failed: &[Pose],
     noise: &mut Stream,
     tried: usize,
 ) -> Result<Option<(Attempt, Vec<SceneObject>)>, NoPlan> {

@@ -70,7 +70,7 @@ fn plane_and_clusters(bencher: divan::Bencher<'_, '_>) {
 fn detections_of_volumes(bencher: divan::Bencher<'_, '_>) {
     let (field, params) = (field(), config().detection);
     let (quality, width): (Vec<f32>, Vec<f32>) = field.values.iter().map(|value| (0.5 + 0.5 * value, 5.0)).unzip();
-    bencher.bench_local(|| detect(&Grid::PAPER, &field.values, &quality, &width, (Side::Front, &params)));
+    bencher.bench_local(|| detect(&Grid::PAPER, &field.values, &quality, &width, Side::Front, &params));
 }
 
 #[divan::bench]

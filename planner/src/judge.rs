@@ -95,8 +95,7 @@ fn selected(hands: &[ScoredGrasp], proposed: usize, request: &Request<'_>) -> Ca
         let reason = if grasp.quality.is_nan() {
             Some(RejectReason::NotANumber)
         } else if grasp.quality < epsilon {
-            let (outcome, probability) = judged.likeliest();
-            Some(RejectReason::Judged { outcome, probability })
+            Some(RejectReason::Quality { likeliest: Some(judged.likeliest()) })
         } else {
             reached += 1;
             if request.is_avoided(&grasp.workspace_from_grasp) {

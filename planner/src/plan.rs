@@ -183,13 +183,9 @@ pub enum RejectReason {
         width_voxels: f32,
     },
     /// Quality below ε.
-    Quality,
-    /// A judge expects another end, with this probability.
-    Judged {
-        /// The likeliest outcome.
-        outcome: Outcome,
-        /// Its probability.
-        probability: f32,
+    Quality {
+        /// The end that a judge expects, with its probability.
+        likeliest: Option<(Outcome, f32)>,
     },
     /// The network's answer is not a number.
     NotANumber,
@@ -224,9 +220,9 @@ impl RejectReason {
             Self::Width { width_voxels } => {
                 ("width", format!("a width of {width_voxels:.2} voxels is outside the limits"))
             }
-            Self::Quality => ("quality", "quality below the threshold".into()),
-            Self::Judged { outcome, probability } => {
-                ("quality", format!("quality below the threshold: {probability:.2} {}", outcome.name()))
+            Self::Quality { likeliest } => {
+                let end = likeliest.map(|(outcome, probability)| format!(": {probability:.2} {}", outcome.name()));
+                ("quality", format!("quality below the threshold{}", end.unwrap_or_default()))
             }
             Self::NotANumber => ("not_a_number", "the network's answer is not a number".into()),
             Self::Suppressed => ("suppressed", "a better grasp is near".into()),

@@ -115,22 +115,7 @@ mod tests {
 
     fn grasp(position_m: [f32; 3], quality: f32) -> RankedGrasp {
         let workspace_from_grasp = pose_from_parts(Quat::IDENTITY, Vec3::from_array(position_m));
-        RankedGrasp {
-            rank: 0,
-            workspace_from_grasp,
-            camera_from_grasp: None,
-            base_from_grasp: None,
-            workspace_from_flange: None,
-            base_from_flange: None,
-            width_m: Some(0.04),
-            width_seen_share: None,
-            opening_m: 0.05,
-            quality,
-            robustness: None,
-            object: None,
-            rho_m: None,
-            voxel: None,
-        }
+        RankedGrasp::new(workspace_from_grasp, Some(0.04), quality, None)
     }
 
     fn chance(scene: u64) -> Stream {

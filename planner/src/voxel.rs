@@ -47,7 +47,7 @@ impl Method for VoxelMethod {
         let detected: Detected = timed(timings_ms, "detect", || {
             let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::expf(-logit));
             let quality: Vec<f32> = grids.quality_logit.iter().map(sigmoid).collect();
-            detect(grid, values, &quality, &grids.width_voxels, (Side::of(self.origin), params))
+            detect(grid, values, &quality, &grids.width_voxels, Side::of(self.origin), params)
         });
         let misses = if request.options.explain { detected.misses(grid, params) } else { Vec::new() };
         let grasp_at = |detection: &Detection| self.grasp_at(grid, detection, &grids, request);

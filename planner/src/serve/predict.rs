@@ -251,7 +251,25 @@ pub(super) fn predict_bytes(planner: &Planner, frame: GraspFrame, body: &[u8]) -
     let plan = plan.map_err(|error| geometry(format!("{error}: point_cloud, scene_points")))?;
     let server_timing = server_timing(std::iter::once(("parse", parsed_ms)).chain(plan.timings_ms.iter().copied()));
     let inference_ms = started.elapsed().as_secs_f64() * 1e3;
-    let answer = PredictAnswer::new(planner, (frame, eye_m), (plan, &input), (counts, inference_ms, body));
+    let grasps = offered(&plan, &input, frame, eye_m);
+    let meta = PredictMeta {
+        hand: plan.gripper,
+        model_name: planner.config.network.name(),
+        checkpoint: plan.model,
+        frame_id: "unchanged_from_input",
+        num_input_points: counts[0],
+        num_scene_points: counts[1],
+        context_mode: "scene_collision_filtered",
+        category_sampling: input.category_sampling,
+        inference_ms,
+        server_version: VersionAnswer::NOW.server_version,
+        request_id: format!("{:012x}", fnv1a(body.iter().copied()) >> 16),
+        backend: VersionAnswer::NOW.backend,
+        api_version: CONTRACT,
+        reason: plan.reason,
+        warnings: plan.warnings,
+    };
+    let answer = PredictAnswer { grasps, meta };
     Ok(Planned { body: serde_json::to_vec(&answer).map_err(|_| Fault::internal())?, server_timing })
 }
 
@@ -321,42 +339,19 @@ impl ArrayInput {
     }
 }
 
-impl PredictAnswer {
-    fn new(
-        planner: &Planner,
-        (frame, eye_m): (GraspFrame, Vec3),
-        (plan, input): (Plan, &PredictInput),
-        ([num_input_points, num_scene_points], inference_ms, body): ([usize; 2], f64, &[u8]),
-    ) -> Self {
-        let min_score = input.min_score.unwrap_or(0.0) as f32;
-        let grasp = |grasp: &RankedGrasp| {
-            let mut cloud_from_grasp = grasp.camera_from_grasp?;
-            cloud_from_grasp.translation += eye_m;
-            Some(PredictGrasp::new(cloud_from_grasp, frame, grasp))
-        };
-        let mut grasps: Vec<PredictGrasp> = plan.grasps.iter().filter_map(grasp).collect();
-        grasps.retain(|grasp| grasp.score >= min_score);
-        grasps.sort_by(|a, b| b.score.total_cmp(&a.score));
-        grasps.truncate(input.num_grasps.unwrap_or(GRASPS));
-        let meta = PredictMeta {
-            hand: plan.gripper,
-            model_name: planner.config.network.name(),
-            checkpoint: plan.model,
-            frame_id: "unchanged_from_input",
-            num_input_points,
-            num_scene_points,
-            context_mode: "scene_collision_filtered",
-            category_sampling: input.category_sampling,
-            inference_ms,
-            server_version: VersionAnswer::NOW.server_version,
-            request_id: format!("{:012x}", fnv1a(body.iter().copied()) >> 16),
-            backend: VersionAnswer::NOW.backend,
-            api_version: CONTRACT,
-            reason: plan.reason,
-            warnings: plan.warnings,
-        };
-        Self { grasps, meta }
-    }
+/// The grasps of a plan that a request wants, in the clouds' frame, best first.
+fn offered(plan: &Plan, input: &PredictInput, frame: GraspFrame, eye_m: Vec3) -> Vec<PredictGrasp> {
+    let min_score = input.min_score.unwrap_or(0.0) as f32;
+    let grasp = |grasp: &RankedGrasp| {
+        let mut cloud_from_grasp = grasp.camera_from_grasp?;
+        cloud_from_grasp.translation += eye_m;
+        Some(PredictGrasp::new(cloud_from_grasp, frame, grasp))
+    };
+    let mut grasps: Vec<PredictGrasp> = plan.grasps.iter().filter_map(grasp).collect();
+    grasps.retain(|grasp| grasp.score >= min_score);
+    grasps.sort_by(|a, b| b.score.total_cmp(&a.score));
+    grasps.truncate(input.num_grasps.unwrap_or(GRASPS));
+    grasps
 }
 
 impl PredictGrasp {

@@ -78,7 +78,8 @@ pub fn detect(
     tsdf: &[f32],
     quality: &[f32],
     width_voxels: &[f32],
-    (side, params): (Side, &DetectionParams),
+    side: Side,
+    params: &DetectionParams,
 ) -> Detected {
     assert!([tsdf, quality, width_voxels].iter().all(|values| values.len() == grid.len()), "one value a voxel");
     let smoothed = smooth(quality, grid.resolution, params.gaussian_sigma_voxels);
@@ -125,7 +126,7 @@ impl Detected {
         self.width_within_limits += 1;
         self.quality_best = self.quality_best.max(quality);
         if quality < params.quality_min || quality.is_nan() {
-            return Some(RejectReason::Quality);
+            return Some(RejectReason::Quality { likeliest: None });
         }
         self.quality_reached += 1;
         None
@@ -291,7 +292,7 @@ mod tests {
         quality[GRID.flat([21, 20, 12])] = 1.0;
         let tsdf = ball([20, 20, 12], 8.0, 0.6);
         let width = vec![4.0; GRID.len()];
-        let detected = detect(&GRID, &tsdf, &quality, &width, (Side::Front, &params()));
+        let detected = detect(&GRID, &tsdf, &quality, &width, Side::Front, &params());
         let voxels: Vec<[usize; 3]> = detected.found.iter().map(|found| found.voxel).collect();
         assert!(voxels.contains(&[21, 20, 12]), "{voxels:?}");
         assert!(detected.quality_reached > 100 && detected.quality_best > 0.94);
@@ -303,7 +304,7 @@ mod tests {
         let near = ball([20, 20, 12], 8.0, 0.6);
         let width = vec![4.0; GRID.len()];
         let count = |tsdf: &[f32], quality: &[f32], width: &[f32]| {
-            detect(&GRID, tsdf, quality, width, (Side::Front, &params())).found.len()
+            detect(&GRID, tsdf, quality, width, Side::Front, &params()).found.len()
         };
         assert!(count(&near, &quality, &width) > 0);
         assert_eq!(count(&vec![0.0; GRID.len()], &quality, &width), 0);
@@ -345,7 +346,7 @@ mod tests {
     fn what_is_dropped_is_listed_with_its_reason() {
         let quality = ball([20, 20, 12], 6.0, 0.95);
         let width = vec![12.0; GRID.len()];
-        let detected = detect(&GRID, &ball([20, 20, 12], 8.0, 0.6), &quality, &width, (Side::Front, &params()));
+        let detected = detect(&GRID, &ball([20, 20, 12], 8.0, 0.6), &quality, &width, Side::Front, &params());
         assert!(detected.found.is_empty());
         let misses = detected.misses(&GRID, &params());
         assert!(!misses.is_empty());

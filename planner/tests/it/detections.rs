@@ -44,7 +44,7 @@ fn detections_are_those_of_vgns_procedure_in_scipy() {
         let (divisor, width_step) = (real(&volume["divisor"]), real(&volume["width_step"]));
         let [quality, tsdf] = [0, 1].map(|part| scaled(part, &|byte| byte / divisor));
         let width = scaled(2, &|byte| byte * width_step);
-        let detected = detect(&Grid::PAPER, &tsdf, &quality, &width, (Side::Front, &params));
+        let detected = detect(&Grid::PAPER, &tsdf, &quality, &width, Side::Front, &params);
         for probe in volume["smooth_probes"].as_array().unwrap() {
             let (at, expected) = (whole(&probe[0]), real(&probe[1]));
             assert_eq!(detected.smoothed[at].to_bits(), expected.to_bits(), "{name}: smoothed voxel {at}");

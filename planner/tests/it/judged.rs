@@ -57,7 +57,7 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
     assert_eq!((plan.funnel.count("judged"), plan.grasps.len() + plan.dropped.len()), (Some(asked), asked));
     // About hands all over the scene, not about the likeliest object alone.
     assert!(plan.objects.len() > 2 && plan.grasps.iter().any(|ranked| ranked.object != plan.grasps[0].object));
-    let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Judged { outcome, .. } if outcome != Outcome::Held);
+    let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Quality { likeliest: Some((outcome, _)) } if outcome != Outcome::Held);
     let failed = plan.dropped.iter().find(failed).unwrap();
     assert!(failed.quality < epsilon && failed.why == "quality", "{failed:?}");
 }
