@@ -11,33 +11,25 @@ Outcomes(held=27)
 """
 
 import atexit as _atexit
-from typing import TYPE_CHECKING
 
 from . import _native
 from ._native import __version__
-from ._plan_files import PlanFileOptions
-from ._renamed import renamed as _renamed_value
 from .annotation import annotate
 from .cameras import Camera
 from .crops import GraspCrops, grasp_crops
 from .dataset import Dataset, StoredScene, Table, generate
 from .errors import DataError, GraspmillError, IncompleteError, InputError, InternalError, OutsideError
 from .experiments import ExperimentResults, Look, experiment
+from .formats.grasps import read as read_grasps
 from .grippers import Gripper
-from .object_grasps import ObjectGrasps, read_grasps
+from .object_grasps import ObjectGrasps
 from .pages import Page
 from .planner import KeptScene, Planner, PlanOptions
-from .plans import Grasp, Plan
+from .plans import Grasp, Plan, PlanFileOptions
 from .scene import HITS, OUTCOMES, Container, Object, Outcomes, Scene, execute, tsdf
 
 # Threads that still work then must not come back to an interpreter that ends.
 _atexit.register(_native.end)
-
-if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> object:
-        return _renamed_value(name, globals(), __name__)
-
 
 __all__ = [
     "HITS",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import os
-from typing import Any, Sequence
+from typing import Any, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,8 @@ from .errors import InputError
 
 #: How far from a rotation a matrix may be: the largest entry of RᵀR − 1.
 RIGID_OFF_MAX = 1e-3
+#: Matrices that are further from it are replaced by the nearest rotation where that matters: those of half precision.
+EXACT_OFF_MAX = 1e-6
 #: Largest distance from the origin, in metres, that physics takes.
 FAR_M_MAX = 1e3
 
@@ -139,6 +141,33 @@ def whole(name: str, value: Any, low: int, high: int) -> int:
     return given
 
 
+def table(name: str, value: object) -> dict[Any, Any]:
+    """A mapping of a file."""
+    if not isinstance(value, dict):
+        raise InputError(f"{name} must be a mapping, got {shown(value)}")
+    return value
+
+
+def entry(name: str, value: Mapping[Any, Any]) -> Any:
+    """A value that a mapping must have; ``name`` ends with its key, after a dot."""
+    key = name.rpartition(".")[2]
+    if key not in value:
+        raise InputError(f"{name} must be in the file, got the keys {shown(list(value)[:8])}")
+    return value[key]
+
+
+def numbers(name: str, value: ArrayLike, shape: tuple[int, ...], *, has_gaps: bool = False) -> NDArray[np.float64]:
+    """Numbers of this shape as float64, finite unless some may be missing (NaN)."""
+    array = given(name, value)
+    if array.shape != shape or array.dtype.kind not in "fiu":
+        raise InputError(f"{name} must be numbers of the shape {list(shape)}, got {array.dtype} {list(array.shape)}")
+    array = np.array(array, np.float64)
+    if np.isinf(array).any() or (not has_gaps and np.isnan(array).any()):
+        rule = "finite, or NaN where unknown" if has_gaps else "finite"
+        raise InputError(f"{name} must be {rule}, got {shown(array.tolist())}")
+    return array
+
+
 def poses(name: str, value: ArrayLike) -> Floats:
     """Rigid transforms as ``[N, 7]``: position in metres, then quaternion x, y, z, w.
 
@@ -147,23 +176,46 @@ def poses(name: str, value: ArrayLike) -> Floats:
     array = given(name, value)
     if array.shape == (0,):
         return np.empty((0, 7), np.float32)
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{name} must be an array of numbers, got one of dtype {array.dtype}")
-    if array.ndim == 3 and array.shape[1:] == (4, 4):
-        rows = _of_matrices(name, array.astype(np.float64))
-    elif array.ndim == 2 and array.shape[1] == 7:
+    if array.ndim == 3 and array.shape[1:] == (4, 4) and array.dtype.kind in "fiu":
+        exact = array.astype(np.float64)
+        _off(name, exact)
+        rows = np.concatenate([exact[:, :3, 3], quaternions(exact[:, :3, :3])], axis=1).astype(np.float32)
+    elif (array.ndim == 2 and array.shape[1] == 7) or array.dtype.kind not in "fiu":
         rows = floats(name, array, (None, 7))
-        lengths = np.linalg.norm(rows[:, 3:].astype(np.float64), axis=1)
-        if len(rows) and (off := np.abs(lengths - 1.0)).max() > RIGID_OFF_MAX:
-            worst = int(off.argmax())
-            raise InputError(f"{name} must have quaternions of length 1 within {RIGID_OFF_MAX:g}, got {lengths[worst]:.4g} in pose {worst}")
+        _check_lengths(name, rows)
     else:
         raise InputError(
             f"{name} must have the shape [N, 4, 4] (matrices) or [N, 7] (x, y, z, qx, qy, qz, qw), got {list(array.shape)}"
         )
-    if len(rows) and (far := np.abs(rows[:, :3]).max()) > FAR_M_MAX:
-        raise InputError(f"{name} must be positions in metres within {FAR_M_MAX:g}, got {far:g}")
+    _check_near(name, rows[:, :3])
     return rows
+
+
+def rigid(name: str, value: ArrayLike, count_max: int) -> NDArray[np.float64]:
+    """Rigid transforms ``[N, 4, 4]`` in double precision, of matrices that may be rough; ``[0]`` is none."""
+    array = given(name, value)
+    if array.shape == (0,):
+        return np.empty((0, 4, 4))
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name} must be an array of numbers, got one of dtype {array.dtype}")
+    if array.ndim != 3 or array.shape[1:] != (4, 4) or len(array) > count_max:
+        raise InputError(f"{name} must have the shape [N, 4, 4], N at most {count_max}, got {list(array.shape)}")
+    exact = np.array(array, np.float64)
+    rough = _off(name, exact) > EXACT_OFF_MAX
+    _check_near(name, exact[:, :3, 3])
+    left, _, right = np.linalg.svd(exact[rough, :3, :3])
+    exact[rough, :3, :3] = left @ right
+    exact[:, 3] = [0.0, 0.0, 0.0, 1.0]
+    return exact
+
+
+def of_quaternions(name: str, rows: ArrayLike, count_max: int) -> NDArray[np.float64]:
+    """Rigid transforms ``[N, 4, 4]`` in double precision, of positions and unit quaternions x, y, z, w ``[N, 7]``."""
+    array = given(name, rows)
+    if array.ndim != 2 or array.shape[1] != 7 or array.dtype.kind not in "fiu":
+        raise InputError(f"{name} must be numbers of the shape [N, 7], got {array.dtype} {list(array.shape)}")
+    _check_lengths(name, array)
+    return rigid(name, matrices(array), count_max)
 
 
 def pose(name: str, value: ArrayLike) -> list[float]:
@@ -176,24 +228,34 @@ def pose(name: str, value: ArrayLike) -> list[float]:
     return [float(part) for part in poses(name, array[None])[0]]
 
 
-def _of_matrices(name: str, matrices: NDArray[np.float64]) -> Floats:
-    if not np.isfinite(matrices).all():
-        raise InputError(f"{name} must be finite, got {int((~np.isfinite(matrices)).sum())} values that are not")
-    if not len(matrices):
-        return np.empty((0, 7), np.float32)
-    rotations = matrices[:, :3, :3]
+def _off(name: str, transforms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far each of ``[N, 4, 4]`` is from a rigid transform; refuses what is further than ``RIGID_OFF_MAX``."""
+    if not np.isfinite(transforms).all():
+        raise InputError(f"{name} must be finite, got {int((~np.isfinite(transforms)).sum())} values that are not")
+    rotations = transforms[:, :3, :3]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers that are far too large are refused below
         off = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
-        off = np.maximum(off, np.abs(matrices[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1))
+        off = np.maximum(off, np.abs(transforms[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1))
         off = np.where(np.linalg.det(rotations) > 0.0, off, np.inf)
-    if not off.max() <= RIGID_OFF_MAX:
+    if not (off <= RIGID_OFF_MAX).all():
         worst = int(off.argmax())
-        raise InputError(
-            f"{name} must be rigid (a rotation and a translation, last row 0 0 0 1) within {RIGID_OFF_MAX:g}, "
-            f"got {'a reflection' if np.isinf(off[worst]) else f'{off[worst]:.3g}'} in pose {worst}"
-        )
-    rows = np.concatenate([matrices[:, :3, 3], quaternions(rotations)], axis=1)
-    return np.ascontiguousarray(rows, dtype=np.float32)
+        told = "a reflection" if np.isinf(off[worst]) else f"{off[worst]:.3g}"
+        rule = "rigid (a rotation and a translation, last row 0 0 0 1)"
+        raise InputError(f"{name} must be {rule} within {RIGID_OFF_MAX:g}, got {told} in pose {worst}")
+    return off
+
+
+def _check_lengths(name: str, rows: NDArray[Any]) -> None:
+    """Refuses poses ``[N, 7]`` whose quaternions have another length than 1."""
+    lengths = np.linalg.norm(rows[:, 3:].astype(np.float64), axis=1)
+    if not (is_one := np.abs(lengths - 1.0) <= RIGID_OFF_MAX).all():
+        worst = int(is_one.argmin())
+        raise InputError(f"{name} must have quaternions of length 1 within {RIGID_OFF_MAX:g}, got {lengths[worst]:.4g} in pose {worst}")
+
+
+def _check_near(name: str, positions_m: NDArray[Any]) -> None:
+    if (far := np.abs(positions_m).max(initial=0.0)) > FAR_M_MAX:
+        raise InputError(f"{name} must be positions in metres within {FAR_M_MAX:g}, got {far:g}")
 
 
 def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:

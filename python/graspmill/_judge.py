@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import os
-from typing import TYPE_CHECKING, Any, Mapping
+from pathlib import Path
+from typing import Any, Mapping
 
 import numpy as np
 import torch
@@ -13,13 +14,12 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from . import _arrays
+from ._batches import GraspCropBatch
 from .crops import FEATURES
 from .dataset import Dataset
 from .errors import DataError, InputError
+from .formats._files import write
 from .scene import OUTCOMES
-
-if TYPE_CHECKING:
-    from .torch import GraspCropBatch
 
 #: Key and content of the header in a checkpoint (``network/src/checkpoint/header.rs``).
 _HEADER, _FORMAT_VERSION, _ARCHITECTURE = "graspmill", 1, "hand-judge-1"
@@ -148,29 +148,13 @@ class Judge(nn.Module):
             "made_by": "graspmill.torch",
         }
         text = json.dumps(header, separators=(",", ":"), ensure_ascii=False)
-        publish(path, save(tensors, {_HEADER: text}))
+        write(Path(path), save(tensors, {_HEADER: text}))
 
 
 def judge_loss(logits: Tensor, batch: GraspCropBatch) -> Tensor:
     """The trainer's loss of a judge's outcomes, a scalar: the mean cross-entropy of logits ``[B, 6]``; a seventh counts for
     nothing."""
     return F.cross_entropy(logits[:, : len(OUTCOMES)], batch["outcome"])
-
-
-def publish(path: str | os.PathLike[str], content: bytes) -> None:
-    """Writes a file that appears whole or not at all: a file beside it, flushed, takes its name."""
-    target = os.path.abspath(path)
-    beside = f"{target}.{os.getpid()}.tmp"
-    try:
-        with open(beside, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, target)
-    except BaseException:
-        if os.path.exists(beside):
-            os.remove(beside)
-        raise
 
 
 def _product(layer: nn.Conv3d, x: Tensor) -> Tensor:

@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import os
 import re
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from . import _arrays
+from ._batches import Batch
 from .errors import InputError
-
-if TYPE_CHECKING:
-    from .torch import Batch
 
 #: Closing directions that a network with ``head="closings"`` tells apart, over half a turn.
 TURNS = 15

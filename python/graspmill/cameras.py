@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -95,11 +94,6 @@ class Camera:
         except (TypeError, ValueError) as error:
             raise InputError(f"shape must be (height, width), got {_arrays.shown(shape)}") from error
         return cls(width, height, fx, fy, cx, cy, workspace_from_camera, convention)  # type: ignore[arg-type]
-
-    @classmethod
-    def looking(cls, *arguments: Any, **options: Any) -> Camera:  # until the next version
-        warnings.warn("Camera.looking is now Camera.look_at", DeprecationWarning, stacklevel=2)
-        return cls.look_at(*arguments, **options)
 
     @classmethod
     def look_at(

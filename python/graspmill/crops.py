@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _native
-from ._renamed import renamed
 from .errors import InputError
 from .grippers import GripperLike
 from .scene import _simulation
@@ -50,11 +48,6 @@ class GraspCrops:
 
     def __len__(self) -> int:
         return len(self.crop)
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            return renamed(name, vars(self), "GraspCrops")
 
 
 def grasp_crops(

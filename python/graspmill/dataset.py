@@ -5,7 +5,6 @@ from __future__ import annotations
 import copyreg
 import json
 import os
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
@@ -75,9 +74,6 @@ def generate(
         OutsideError: If the disk or the store fails; the same call continues.
         KeyboardInterrupt: After Ctrl-C. Complete shards are kept, and the same call continues.
     """
-    if out is None or (config not in (None, "paper") and str(out).endswith(".toml")):
-        warnings.warn("generate(config, out) is now generate(out, config)", DeprecationWarning, stacklevel=2)
-        out, config = config, out
     config = None if config in (None, "paper") else config
     where = _location(out)
     limits = {"shards": shards, "attempts": attempts, "seed": seed}

@@ -85,6 +85,11 @@ class Gripper:
         return cls(name=read.gripper_name, flange_from_grasp=pose, **{key: float(str(np.float32(value))) for key, value in read.gripper})
 
 
+def loaded(gripper: GripperLike) -> Gripper:
+    """A gripper by its name or file, if it is not one already."""
+    return gripper if isinstance(gripper, Gripper) else Gripper.load(gripper)
+
+
 def setting(gripper: GripperLike) -> str:
     """A gripper as a value of a settings file, in TOML."""
     if not isinstance(gripper, Gripper):

@@ -7,14 +7,14 @@ import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Sequence, overload
+from typing import TYPE_CHECKING, Any, Literal, Mapping, Sequence, TypedDict, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _arrays, _native, _plan_files
-from ._plan_files import PlanFileFormat, PlanFileOptions
+from . import _arrays, _native
 from .errors import InputError
+from .grippers import GripperLike
 from .pages import Page
 from .scene import Immutable
 
@@ -24,6 +24,35 @@ if TYPE_CHECKING:
 #: Of the JSON of a plan.
 FORMAT = "graspmill-plan/3"
 
+PlanFileFormat = Literal["isaac_grasp", "graspnet", "moveit"]
+Frame = Literal["base", "camera", "workspace"]
+
+
+class PlanFileOptions(TypedDict, total=False):
+    """Options of a plan's file.
+
+    Attributes:
+        frame: The frame of the poses: ``"base"``, ``"camera"`` or ``"workspace"``; by default the first of these that the
+            plan knows.
+        frame_id: The name of that frame in the file, such as that of a TF frame; by default ``frame``. GraspNet has none.
+        gripper: The hand, where the plan's has no ``flange_from_grasp``; of moveit also the force of its fingers.
+        base_to_tips_m: From the base of the hand, or moveit's parent link, to its tips. GraspNet does not need it.
+        closing_axis: The axis of the base frame along which the hand closes, ``"x"`` or ``"y"``, by default ``"y"``; for
+            moveit it goes with ``base_to_tips_m``.
+        joints: Of moveit: names of the fingers' joints, and how far each moves, in metres, for a metre between the
+            fingers; by default those of a Franka hand, and none of another.
+        approach_m: Of moveit: the length of the straight approach, by default 0.05.
+        retreat_m: Of moveit: the length of the straight retreat, by default 0.1.
+    """
+
+    frame: Frame | None
+    frame_id: str | None
+    gripper: GripperLike | None
+    base_to_tips_m: float | None
+    closing_axis: Literal["x", "y"] | None
+    joints: Mapping[str, float] | None
+    approach_m: float
+    retreat_m: float
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
@@ -228,7 +257,9 @@ class Plan(Immutable, Sequence[Grasp]):
             InputError: If the plan does not know the frame, or where the base of the hand is.
             OutsideError: If the disk fails.
         """
-        return _plan_files.save(self, path, format, options)
+        from .formats import plans
+
+        return plans.save(self, path, format, options)
 
     def moveit_grasps(self, **options: Unpack[PlanFileOptions]) -> list[dict[str, Any]]:
         """The grasps with the fields of ``moveit_msgs/Grasp``, best first. What is not known is left out: the posture of a
@@ -240,7 +271,9 @@ class Plan(Immutable, Sequence[Grasp]):
         Raises:
             InputError: If the plan does not know the frame, or where the robot's last link is.
         """
-        return _plan_files.moveit_grasps(self, _plan_files.checked(options))
+        from .formats import plans
+
+        return plans.moveit_grasps(self, options)
 
     def _repr_html_(self) -> str | None:
         return None if self._drawn is None else self.page()._repr_html_()

@@ -8,14 +8,13 @@ from __future__ import annotations
 import hashlib
 import os
 from bisect import bisect_right
-from typing import TYPE_CHECKING, Any, Generic, Iterator, Literal, Mapping, TypedDict, TypeVar, cast
+from typing import Any, Generic, Iterator, Literal, Mapping, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _arrays, _native
 from ._order import Block, Drawn, Numbers, Order
-from ._renamed import renamed
 from .crops import cut
 from .dataset import Dataset
 from .errors import InputError
@@ -28,6 +27,7 @@ try:
 except ImportError as error:  # pragma: no cover
     raise ImportError("graspmill.torch needs PyTorch: pip install graspmill[torch]") from error
 
+from ._batches import Batch, GraspCropBatch
 from ._judge import Judge, judge_loss
 from ._voxel_network import ORIGIN_BEHIND_TIPS_M, VoxelNetwork, behind_tips_m, closings_loss, loss
 
@@ -49,52 +49,6 @@ Split = Literal["train", "test", "test-attempts", "test-scenes", "all"]
 
 #: Numbers of the sets in the split, by their names.
 _SETS = {"train": 1, "test-attempts": 2, "test-scenes": 3}
-
-
-class _Shared(TypedDict, total=False):
-    share: Tensor
-
-
-class Batch(_Shared):
-    """``B`` samples of ``S`` scenes, each with one grid.
-
-    ``tsdf`` is ``[S, 1, 40, 40, 40]``. The others have ``B`` entries: ``scene`` (index into ``tsdf``), ``voxel``
-    ``[B, 3]`` (x, y, z), ``label`` (1 if the attempt held), ``rotation`` ``[B, 4]`` (quaternion x, y, z, w), ``width``
-    (opening in voxels; 0 unless the attempt held), ``tips`` ``[B, 3]`` (the point between the finger tips from the
-    middle of the voxel, in voxels). A stream of one of several ranks adds ``share`` ``[1]``: times it, a
-    rank's mean loss counts for its samples, so that the mean over the ranks is that over all samples of the step.
-    """
-
-    tsdf: Tensor
-    scene: Tensor
-    voxel: Tensor
-    label: Tensor
-    rotation: Tensor
-    width: Tensor
-    tips: Tensor
-
-
-class GraspCropBatch(_Shared):
-    """``B`` grasps as a judge sees them (:func:`graspmill.grasp_crops`).
-
-    ``crop`` ``[B, 4, 8, 20, 28]``, ``context`` ``[B, 3, 12, 8, 8]``, ``features`` ``[B, 16]``, ``outcome`` (index into
-    ``graspmill.OUTCOMES``), ``label`` (1 if the attempt held), ``hits_table`` (bool: the grasp fails for certain, so
-    the judge need not be asked; the training set has no such grasps), and ``share`` as in :class:`Batch`.
-    """
-
-    crop: Tensor
-    context: Tensor
-    features: Tensor
-    outcome: Tensor
-    label: Tensor
-    hits_table: Tensor
-
-
-class _Renamed(dict[str, Tensor]):
-    """A batch that still has the old names of its entries."""
-
-    def __missing__(self, name: str) -> Tensor:
-        return cast(Tensor, renamed(name, self, "GraspCropBatch", KeyError))
 
 
 _B = TypeVar("_B", Batch, GraspCropBatch)
@@ -181,7 +135,7 @@ class _Samples:
         else:
             arrays = {"tsdf": grids, "scene": scene.astype(np.int64), "rotation": rows["pose"][:, 3:].copy()}
             arrays |= {name: rows[name] for name in ("voxel", "label", "width", "tips")}
-        return _Renamed({name: torch.from_numpy(array) for name, array in arrays.items()})
+        return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 
 class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
@@ -216,7 +170,7 @@ class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
         row = where[0, attempt]
         one = {name: values[row : row + 1] for name, values in rows.items()}
         batch = self._samples.batch(grids, np.zeros(1, np.intp), one, np.zeros(1, np.uint32))
-        return _Renamed({name: values[0] for name, values in batch.items() if name != "scene"})
+        return {name: values[0] for name, values in batch.items() if name != "scene"}
 
 
 class GraspDataset(_Items):
@@ -449,9 +403,3 @@ class GraspCropStream(_Stream[GraspCropBatch]):
     """
 
     _has_crops = True
-
-
-if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> Any:
-        return renamed(name, globals(), __name__)

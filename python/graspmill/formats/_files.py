@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 from contextlib import contextmanager
@@ -58,6 +59,50 @@ def write(path: Path, content: str | bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     part(path).write_bytes(content.encode() if isinstance(content, str) else content)
     finish(path)
+
+
+@contextmanager
+def whole(file: str) -> Iterator[str]:
+    """The path where a file is to be written: it is moved to its place, where an old one stays until the new one is whole.
+
+    Raises:
+        InputError: If the folder is missing or may not be written, or of what is written.
+        OutsideError: If the disk fails.
+    """
+    folder, name = os.path.split(file)
+    if not os.path.isdir(folder or ".") or os.path.isdir(file):
+        raise InputError(f"path must be a file in a folder that exists, got {file}")
+    beside = os.path.join(folder, f".{name}.{os.getpid()}.part")
+    try:
+        yield beside
+        os.replace(beside, file)
+    except InputError as error:
+        raise InputError(f"{error}: {file}") from error
+    except PermissionError as error:
+        raise InputError(f"path must be a file that may be written, got {error}") from error
+    except OSError as error:
+        raise OutsideError(f"failed to write {file}: {error}") from error
+    finally:
+        if os.path.exists(beside):
+            os.unlink(beside)
+
+
+def module(name: str, what: str, extra: str = "grasps") -> Any:
+    """A package that is not required, when it is needed."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        pip = {"yaml": "pyyaml"}.get(name, name.partition(".")[0])
+        raise InputError(f"{what} needs {pip}: pip install graspmill[{extra}]") from error
+
+
+def loaded_json(path: str) -> Any:
+    """What a JSON file holds."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            return json.load(file)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"the file must be JSON, got {error}") from error
 
 
 @contextmanager

@@ -11,17 +11,13 @@ from pathlib import Path
 from typing import Callable
 
 from ...dataset import Dataset
-from ...errors import DataError, InputError
-from .._files import finish, part, write as write_file
+from ...errors import DataError
+from .._files import finish, module, part, write as write_file
 
 
 def write(dataset: Dataset, folder: Path, done: Callable[[int], None]) -> dict[str, int]:
     """Writes the tables that are not there, shard by shard; returns counts. A batch of rows is in memory."""
-    try:
-        import pyarrow  # type: ignore[import-untyped, import-not-found, unused-ignore]
-        import pyarrow.parquet as parquet  # type: ignore[import-untyped, import-not-found, unused-ignore]
-    except ImportError as error:
-        raise InputError("the format parquet needs pyarrow: pip install graspmill[datasets]") from error
+    pyarrow, parquet = (module(name, "the format parquet", "datasets") for name in ("pyarrow", "pyarrow.parquet"))
     for shard in range(dataset.shard_count):
         one, (first, end) = range(shard, shard + 1), dataset._native.scenes_of(shard)
         for table in (dataset.attempts(one), dataset.scenes(one, grids=True), dataset.objects(one)):

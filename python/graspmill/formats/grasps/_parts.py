@@ -1,0 +1,108 @@
+"""Parts of files of grasps, and the frames of hands.
+
+A *base frame* has its origin at the base of the hand, +z along the approach, and +x or +y along the closing direction.
+Our grasp frame has +z along the approach, +y along the closing direction, and its origin midway between the tips.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from typing import Any, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import _arrays
+from ...errors import InputError
+from ...object_grasps import Axis, Numbers, ObjectGrasps
+
+#: Hands with the driven joint below, whose value is half the distance between the fingers.
+PANDA_NAMES = ("franka_hand", "panda", "panda_hand")
+PANDA_JOINT = "panda_finger_joint1"
+
+
+@dataclass(frozen=True)
+class Hand:
+    """What the caller says of the hand; the rest is taken from the file, or from the set that is written.
+
+    Attributes:
+        base_to_tips_m: From the base of the hand to its tips, along the approach, in metres.
+        closing_axis: Which axis of the base frame is the closing direction.
+        gripper: Its name and lengths, as in ``NAME.json``.
+    """
+
+    base_to_tips_m: float | None = None
+    closing_axis: Axis | None = None
+    gripper: dict[str, Any] = field(default_factory=dict)
+
+    def known_m(self, otherwise_m: float | None, what: str) -> float:
+        """From the hand's base to its tips, of the caller or else of the file."""
+        known_m = otherwise_m if self.base_to_tips_m is None else self.base_to_tips_m
+        if known_m is None:
+            raise InputError(f"base_to_tips_m or gripper must be given: {what} does not say where the tips of the hand are")
+        return known_m
+
+
+def from_base(object_from_base: Numbers, base_to_tips_m: float, closing_axis: Axis) -> Numbers:
+    """``object_from_grasp`` ``[N, 4, 4]`` of poses of the hand's base."""
+    grasps = object_from_base.copy()
+    if closing_axis == "x":  # our y = their x, our x = their −y
+        grasps[:, :3, 0], grasps[:, :3, 1] = -object_from_base[:, :3, 1], object_from_base[:, :3, 0]
+    grasps[:, :3, 3] += base_to_tips_m * object_from_base[:, :3, 2]
+    return grasps
+
+
+def to_base(object_from_grasp: Numbers, base_to_tips_m: float, closing_axis: Axis) -> Numbers:
+    """Poses ``[N, 4, 4]`` of the hand's base."""
+    bases = object_from_grasp.copy()
+    if closing_axis == "x":  # their x = our y, their y = our −x
+        bases[:, :3, 0], bases[:, :3, 1] = object_from_grasp[:, :3, 1], -object_from_grasp[:, :3, 0]
+    bases[:, :3, 3] -= base_to_tips_m * object_from_grasp[:, :3, 2]
+    return bases
+
+
+def word(name: str, value: object) -> str:
+    """A text of a file, which HDF5 gives as bytes."""
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", "replace")
+    if not isinstance(value, str):
+        raise InputError(f"{name} must be a text, got {_arrays.shown(value)}")
+    return _arrays.text(name, value)
+
+
+def stem(path: str) -> str:
+    """The object's name by that of the file, without ``.FORMAT``."""
+    name, form = os.path.splitext(os.path.splitext(os.path.basename(path))[0])
+    return name if form in (".acronym", ".graspgen", ".isaac_grasp", ".molmospaces", ".graspnet", ".grasps") else name + form
+
+
+def about(of: str, gripper: Mapping[str, Any], **thing: Any) -> dict[str, Any]:
+    """What is known besides the grasps, with the keys of ``NAME.json``."""
+    known = {key: value for key, value in gripper.items() if value is not None}
+    return {"format": of, "object": thing, "gripper": known}
+
+
+def labelled(grasps: ObjectGrasps, what: str) -> NDArray[np.bool_]:
+    if grasps.held is None:
+        raise InputError(f"held must be known for {what}, got None: dataclasses.replace(grasps, held=…) states it")
+    return grasps.held
+
+
+def good(grasps: ObjectGrasps) -> ObjectGrasps:
+    """The grasps that held; all of a set without labels."""
+    return grasps if grasps.held is None else grasps.subset(grasps.held)
+
+
+def part(grasps: ObjectGrasps, name: str) -> dict[str, Any]:
+    """What a set knows of its object, or of its gripper."""
+    return _arrays.table(f"info.{name}", grasps.info.get(name, {}))
+
+
+def opening_m(grasps: ObjectGrasps) -> float | None:
+    known_m = part(grasps, "gripper").get("opening_m_max")
+    return None if known_m is None else _arrays.number("info.gripper.opening_m_max", known_m, 0.0, 10.0)
+
+
+def hand_name(grasps: ObjectGrasps) -> str:
+    return _arrays.text("info.gripper.name", part(grasps, "gripper").get("name", ""))

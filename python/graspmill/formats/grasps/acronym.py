@@ -1,0 +1,112 @@
+"""ACRONYM's HDF5."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ... import _arrays
+from ...errors import InputError
+from ...object_grasps import GRASPS_MAX, Numbers, ObjectGrasps, labels
+from .._files import module
+from ._parts import Hand, about, from_base, hand_name, labelled, opening_m, part, stem, to_base, word
+
+#: From the origin of its frame to the tips, in metres: 0.11217 in its marker, 0.11225 in its mesh of the hand.
+BASE_TO_TIPS_M = 0.1122
+FLEX = "grasps/qualities/flex/"
+MOTIONS = {
+    "closing_moved_m": "object_motion_during_closing_linear",
+    "closing_turned_rad": "object_motion_during_closing_angular",
+    "test_moved_m": "object_motion_during_shaking_linear",
+    "test_turned_rad": "object_motion_during_shaking_angular",
+}
+#: Keys of an object in ``NAME.json``, ACRONYM's names for them, and their shapes.
+SOLID = {
+    "mass_kg": ("mass", ()),
+    "friction": ("friction", ()),
+    "density_kg_m3": ("density", ()),
+    "volume_m3": ("volume", ()),
+    "centre_of_mass_m": ("com", (3,)),
+    "inertia_kg_m2": ("inertia", (3, 3)),
+}
+
+
+def _products_negated(inertia: Numbers) -> Numbers:
+    """ACRONYM's products of inertia have the opposite sign of the tensor's: +∫xy for −∫xy."""
+    return 2.0 * np.diag(np.diag(inertia)) - inertia
+
+
+def read(path: str, hand: Hand) -> dict[str, Any]:
+    """The arguments of an ``ObjectGrasps``."""
+    h5py = module("h5py", "a file of ACRONYM")
+
+    def value(key: str, shape: tuple[int, ...] | None = None, has_gaps: bool = False) -> Any:
+        found = file.get(key)
+        if found is None:
+            return None
+        if not isinstance(found, h5py.Dataset) or found.size is None or found.size > 16 * GRASPS_MAX:
+            raise InputError(f"{key} must be an array of at most {GRASPS_MAX} grasps, got {_arrays.shown(found)}")
+        return found[()] if shape is None else _arrays.numbers(key, found[()], shape, has_gaps=has_gaps)
+
+    try:
+        with h5py.File(path, "r") as file:
+            _arrays.entry("grasps/transforms", {"grasps/transforms": 0} if "grasps/transforms" in file else dict.fromkeys(file))
+            base_m = hand.known_m(BASE_TO_TIPS_M, "ACRONYM")
+            bases = _arrays.rigid("grasps/transforms", value("grasps/transforms"), GRASPS_MAX)
+            held = value(FLEX + "object_in_gripper")
+            motions = {ours: value(FLEX + theirs, (len(bases),), True) for ours, theirs in MOTIONS.items()}
+            solid = {ours: value(f"object/{theirs}", shape) for ours, (theirs, shape) in SOLID.items()}
+            scale_m, opening = value("object/scale", ()), value("gripper/configuration", (1,))
+            mesh, kind = value("object/file"), value("gripper/type")
+    except InputError:
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
+        raise InputError(f"the file must be ACRONYM's HDF5, got {error}") from error
+    if mesh is None or scale_m is None:
+        raise InputError(f"object/{'file' if mesh is None else 'scale'} must be in the file, got none")
+    if solid["inertia_kg_m2"] is not None:
+        solid["inertia_kg_m2"] = _products_negated(solid["inertia_kg_m2"])
+    known = {key: one.tolist() for key, one in solid.items() if one is not None}
+    gripper = {
+        "name": None if kind is None else word("gripper/type", kind),
+        "opening_m_max": None if opening is None else 2.0 * float(opening[0]),
+    }
+    return {
+        "name": stem(path),
+        "file": word("object/file", mesh),
+        "scale_m": float(scale_m),
+        "object_from_grasp": from_base(bases, base_m, hand.closing_axis or "x"),
+        "held": None if held is None else labels(FLEX + "object_in_gripper", held, len(bases)),
+        "base_to_tips_m": base_m,
+        "info": about("acronym", {**gripper, **hand.gripper}, **known),
+        **{key: one for key, one in motions.items() if one is not None},
+    }
+
+
+def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
+    """Motions during the test are ACRONYM's only if the test was a shake; what is not known is left out."""
+    h5py = module("h5py", "a file of ACRONYM")
+    base_m = hand.known_m(BASE_TO_TIPS_M, "ACRONYM")
+    held, thing, open_m = labelled(grasps, "ACRONYM"), part(grasps, "object"), opening_m(grasps)
+    is_shake = grasps.info.get("test", "shake") == "shake"
+    values: dict[str, Any] = {
+        "grasps/transforms": to_base(grasps.object_from_grasp, base_m, hand.closing_axis or "x"),
+        FLEX + "object_in_gripper": held.astype(np.int64),
+        "object/scale": np.float64(grasps.scale_m),
+    }
+    for ours, theirs in MOTIONS.items():
+        if not np.isnan(getattr(grasps, ours)).all() and (is_shake or ours.startswith("closing")):
+            values[FLEX + theirs] = getattr(grasps, ours)
+    for ours, (theirs, shape) in SOLID.items():
+        if ours in thing:
+            number = _arrays.numbers(f"info.object.{ours}", thing[ours], shape)
+            values[f"object/{theirs}"] = _products_negated(number) if shape == (3, 3) else number
+    if open_m is not None:
+        values["gripper/configuration"] = np.array([0.5 * open_m])
+    with h5py.File(path, "w") as file:
+        for key, number in values.items():
+            options = {"compression": "gzip", "compression_opts": 4} if np.ndim(number) and np.size(number) else {}
+            file.create_dataset(key, data=number, **options)
+        for key, text in (("object/file", grasps.file), ("gripper/type", hand_name(grasps))):
+            file.create_dataset(key, data=text, dtype=h5py.string_dtype())

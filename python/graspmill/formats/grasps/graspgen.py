@@ -1,0 +1,66 @@
+"""GraspGen's JSON."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from ... import _arrays
+from ...errors import InputError
+from ...object_grasps import GRASPS_MAX, Numbers, ObjectGrasps, labels
+from .._files import loaded_json
+from ._parts import Hand, about, from_base, hand_name, labelled, opening_m, stem, to_base, word
+
+
+def read(path: str, hand: Hand) -> dict[str, Any]:
+    """The arguments of an ``ObjectGrasps``."""
+    data = _arrays.table("the file", loaded_json(path))
+    thing, grasps = _arrays.table("object", _arrays.entry("object", data)), _arrays.table("grasps", _arrays.entry("grasps", data))
+    gripper = _arrays.table("gripper", data.get("gripper", {}))
+    depth_m = gripper.get("depth")
+    depth_m = None if depth_m is None else _arrays.number("gripper.depth", depth_m, 0.0, 10.0)
+    base_m = hand.known_m(depth_m, "the file")
+    bases = _arrays.rigid("grasps.transforms", _arrays.entry("grasps.transforms", grasps), GRASPS_MAX)
+    held = _arrays.entry("grasps.object_in_gripper", grasps)
+    known = {"name": gripper.get("name"), "opening_m_max": gripper.get("width")}
+    contacts = grasps.get("contacts_m")  # ours
+    return {
+        "name": stem(path),
+        "file": word("object.file", _arrays.entry("object.file", thing)),
+        "scale_m": _arrays.number("object.scale", _arrays.entry("object.scale", thing), 0.0, 1e9),
+        "object_from_grasp": from_base(bases, base_m, hand.closing_axis or "x"),
+        "held": labels("grasps.object_in_gripper", held, len(bases)),
+        "base_to_tips_m": base_m,
+        "info": about("graspgen", {**known, **hand.gripper}),
+        **({} if contacts is None else {"contacts_m": _contacts("grasps.contacts_m", contacts, len(bases))}),
+    }
+
+
+def _contacts(name: str, value: object, count: int) -> Numbers:
+    """Points ``[N, 2, 3]``, NaN for null."""
+    pairs = value if isinstance(value, list) else []
+    if len(pairs) != count or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
+        raise InputError(f"{name} must be {count} pairs of points or null, got {_arrays.shown(value)}")
+    points = [[[np.nan] * 3 if point is None else point for point in pair] for pair in pairs]
+    return _arrays.numbers(name, points, (count, 2, 3), has_gaps=True) if count else np.empty((0, 2, 3))
+
+
+def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
+    """As ``graspmill objects annotate --format graspgen``."""
+    base_m = hand.known_m(grasps.base_to_tips_m, "the set")
+    gripper = {"name": hand_name(grasps), "width": opening_m(grasps), "depth": base_m}
+    value = {
+        "object": {"file": grasps.file, "scale": grasps.scale_m},
+        "gripper": {key: one for key, one in gripper.items() if one is not None},
+        "grasps": {
+            "transforms": to_base(grasps.object_from_grasp, base_m, hand.closing_axis or "x").tolist(),
+            # GraspGen indexes with them: booleans select, numbers would not.
+            "object_in_gripper": labelled(grasps, "GraspGen").tolist(),
+            "contacts_m": [[None if np.isnan(at).any() else at.tolist() for at in pair] for pair in grasps.contacts_m],
+        },
+    }
+    with open(path, "w", encoding="utf-8") as file:
+        json.dump(value, file, ensure_ascii=False, allow_nan=False)
+        file.write("\n")
