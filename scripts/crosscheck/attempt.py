@@ -85,12 +85,10 @@ class Runner:
         self._gripper, self._procedure, self._environment = gripper, procedure, environment
         engine.load(scene, gripper, environment)
 
-    def from_closing(
-        self, attempt: Attempt, pose: Pose, watch: Callable[[str], None] | None = None
-    ) -> Execution:
+    def from_closing(self, attempt: Attempt, pose: Pose) -> Execution:
         """Puts the hand at the grasp, closes, retreats, holds."""
         self._engine.begin(pose, self._retreat(pose))
-        return self._close_and_lift(attempt, pose, watch or (lambda stage: None))
+        return self._close_and_lift(attempt, pose)
 
     def own_approach(self, attempt: Attempt, pose: Pose) -> Execution:
         """The same, after an approach that is simulated and judged by the engine's own distances."""
@@ -108,20 +106,17 @@ class Runner:
             if hit := engine.nearest(attempt.target, reach):
                 return Execution("approach_collision", hit)
         engine.hold_open(False)
-        return self._close_and_lift(attempt, pose, lambda stage: None)
+        return self._close_and_lift(attempt, pose)
 
-    def _close_and_lift(self, attempt: Attempt, pose: Pose, watch: Callable[[str], None]) -> Execution:
+    def _close_and_lift(self, attempt: Attempt, pose: Pose) -> Execution:
         engine, procedure = self._engine, self._procedure
         before = engine.positions_m()
-        watch("open")
         width = self._close()
-        watch("closed")
         if width <= procedure.empty_width_m:
             return Execution("empty", None, width)
         closed, sunk = engine.positions_m(), engine.sunk_m(attempt.target)
         pushed = self._pushed(attempt, pose, before, closed)
         held, travel = self._retreat_and_hold(attempt.target, pose, closed[attempt.target])
-        watch("end")
         if not held:
             return Execution("slipped", None, width, travel, sunk)
         width = self._width_m()

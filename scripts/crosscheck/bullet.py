@@ -19,7 +19,7 @@ import numpy as np
 import pybullet
 
 from .compound import box_of
-from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, HandBox, Scene, SceneObject
+from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, Scene, SceneObject
 from .hull import Hull
 from .pose import Pose
 from .solid import Solid
@@ -150,7 +150,7 @@ class Bullet:
         if solid.kind == "cuboid":
             half = np.array(solid.extents_m) / 2
             return pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client)
-        corners = shrunk(solid, self.options.margin_m) - solid.centroid_m
+        corners = solid.shrunk(self.options.margin_m) - solid.centroid_m
         return pybullet.createCollisionShape(
             pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=self.client
         )
@@ -259,17 +259,6 @@ class Bullet:
             for finger in (LEFT, RIGHT)
         )  # fmt: skip
 
-    @property
-    def table_z_m(self) -> float:
-        """Height of the table's top."""
-        return self._environment.table_z_m
-
-    def hand_boxes(self) -> list[tuple[HandBox, np.ndarray, np.ndarray]]:
-        """The hand's boxes with centre (3,) and orientation (4,) in the workspace, for pictures."""
-        boxes = [self._gripper.palm(), *self._gripper.fingers(self._gripper.opening_m_max)]
-        links = pybullet.getLinkStates(self._hand, [PALM, LEFT, RIGHT], physicsClientId=self.client)
-        return [(box, np.array(link[0]), np.array(link[1])) for box, link in zip(boxes, links)]
-
     def sunk_m(self, target: int) -> float:
         """Deepest overlap of a finger with an object."""
         points = pybullet.getContactPoints(self.bodies[target], self._hand, physicsClientId=self.client)
@@ -285,15 +274,3 @@ class Bullet:
                 if any(point[8] <= reach_m for point in points):
                     return name
         return None
-
-
-def shrunk(solid: Solid, margin_m: float) -> np.ndarray:
-    """Corners (2 n, 3) of a solid whose faces all lie `margin_m` further in."""
-    outline = solid.outline_m
-    sides = np.roll(outline, -1, axis=0) - outline
-    inward = np.stack([-sides[:, 1], sides[:, 0]], axis=1) / np.linalg.norm(sides, axis=1, keepdims=True)
-    before = np.roll(inward, 1, axis=0)
-    # The corner moves along the mean of its two sides' inward normals.
-    offset = (before + inward) / (1 + np.einsum("ni,ni->n", before, inward))[:, None]
-    moved, half = outline + margin_m * offset, solid.half_length_m - margin_m
-    return np.concatenate([solid.lift(moved, sign * half) for sign in (-1, 1)])

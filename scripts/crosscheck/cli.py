@@ -6,10 +6,9 @@ import argparse
 import json
 import sys
 from collections import Counter
+from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
-
-import numpy as np
 
 from . import ceiling, dataset, engines, ours, passes
 from .compare import Rows, compare, compare_gate, compare_passes, rows_of
@@ -33,33 +32,45 @@ exit codes:
 def main(arguments: list[str] | None = None) -> int:
     """Runs the cross-check; gives the exit code."""
     args = _parser().parse_args(arguments)
-    try:
+
+    def work() -> None:
         data = dataset.read(args.dataset, args.scenes)
-        report = run(data, _chosen(args.engine), args.seed, args.ceiling, _command(arguments))
+        names = list(engines.ENGINES) if args.engine == "all" else [args.engine]
+        report = run(data, names, args.seed, args.ceiling, command("crosscheck", arguments))
         if args.generator:
             report.ours = ours.clocked(args.generator, args.dataset, len(data.scenes), len(report.rows.attempts))
-        _write(report, args)
-    except dataset.NoDataset as error:
-        return _fail(CONFIG, str(error))
+        write({args.report: markdown(report), args.json: json.dumps(as_json(report), indent=1) + "\n"})
+        print(terminal(report))
+
+    return guarded("crosscheck", work)
+
+
+def guarded(program: str, work: Callable[[], None]) -> int:
+    """Works; gives the exit code, and says what is wrong."""
+    try:
+        work()
+        return OK
     except dataset.DamagedDataset as error:
-        return _fail(DATA, str(error))
-    except ours.GeneratorFailed as error:
-        return _fail(CONFIG, str(error))
+        code, why = DATA, str(error)
+    except (dataset.NoDataset, ours.GeneratorFailed) as error:
+        code, why = CONFIG, str(error)
     except ModuleNotFoundError as error:
-        return _fail(CONFIG, f"{error}; pip install -r scripts/requirements.txt")
-    print(terminal(report))
-    return OK
+        code, why = CONFIG, f"{error}; pip install -r scripts/requirements.txt"
+    print(f"{program}: {why}", file=sys.stderr)
+    return code
 
 
-def _write(report: Report, args: argparse.Namespace) -> None:
-    if args.report:
-        if args.pictures:
-            _add_pictures(report, args.report, args.pictures)
-        args.report.parent.mkdir(parents=True, exist_ok=True)
-        args.report.write_text(markdown(report))
-    if args.json:
-        args.json.parent.mkdir(parents=True, exist_ok=True)
-        args.json.write_text(json.dumps(as_json(report), indent=1) + "\n")
+def write(files: dict[Path | None, str]) -> None:
+    """Writes those files that are asked for."""
+    for path, content in files.items():
+        if path:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(content)
+
+
+def command(program: str, arguments: list[str] | None) -> str:
+    """The command line, for a report."""
+    return " ".join([f"python scripts/{program}.py", *(sys.argv[1:] if arguments is None else arguments)])
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -71,8 +82,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--scenes", type=positive, metavar="N", help="only the first N scenes [default: all]")
     parser.add_argument("--engine", choices=[*engines.ENGINES, "all"], default="pybullet", help="[default: pybullet]")
     parser.add_argument("--ceiling", action="store_true", help="also compare the engine with itself")
-    parser.add_argument("--report", type=Path, metavar="F.md", help="write a report, pictures in a folder beside it")
-    parser.add_argument("--pictures", type=int, default=24, metavar="N", help="at most N pictures [default: 24]")
+    parser.add_argument("--report", type=Path, metavar="F.md", help="write a report")
     parser.add_argument("--generator", type=Path, metavar="BIN", help="also time this generator on the same attempts")
     parser.add_argument("--json", type=Path, metavar="F.json", help="write everything as JSON")
     parser.add_argument("--seed", type=int, default=1, help="of bootstrap and displacements [default: 1]")
@@ -87,23 +97,10 @@ def positive(text: str) -> int:
     return value
 
 
-def _chosen(engine: str) -> list[str]:
-    return list(engines.ENGINES) if engine == "all" else [engine]
-
-
-def _command(arguments: list[str] | None) -> str:
-    return " ".join(["python scripts/crosscheck.py", *(sys.argv[1:] if arguments is None else arguments)])
-
-
-def _fail(code: int, message: str) -> int:
-    print(f"crosscheck: {message}", file=sys.stderr)
-    return code
-
-
-def run(data: dataset.Dataset, names: list[str], seed: int, with_ceiling: bool, command: str = "") -> Report:
+def run(data: dataset.Dataset, names: list[str], seed: int, with_ceiling: bool, said: str = "") -> Report:
     """All passes of all engines, compared."""
     rows = rows_of(data)
-    report = Report(command, data, rows, compare_gate(rows, passes.gate_pass(data)), {})
+    report = Report(said, data, rows, compare_gate(rows, passes.gate_pass(data)), {})
     for name in names:
         report.engines[name] = _examine(data, rows, name, seed, with_ceiling)
     if len(names) > 1:
@@ -136,18 +133,3 @@ def _add_third(report: Report, rows: Rows, seed: int) -> None:
     patterns = Counter(zip(*(labels.tolist() for labels in series.values())))
     for pattern, count in sorted(patterns.items()):
         report.patterns[", ".join(f"{name} {label}" for name, label in zip(series, pattern))] = count
-
-
-def _add_pictures(report: Report, path: Path, most: int) -> None:
-    from .pictures import draw
-
-    folder = path.with_suffix("")
-    folder.mkdir(parents=True, exist_ok=True)
-    scenes = {scene.scene_id: scene for scene in report.dataset.scenes}
-    labels = report.rows.labels
-    differing = np.flatnonzero(np.any([f.same_gate.labels != labels for f in report.engines.values()], axis=0))
-    for i in differing[:most].tolist():
-        attempt, scene_id = report.rows.attempts[i], int(report.rows.scenes[i])
-        name = f"scene-{scene_id:05d}-attempt-{attempt.attempt_id:02d}.png"
-        draw(report.dataset, scenes[scene_id], attempt, folder / name)
-        report.pictures[i] = Path(folder.name) / name

@@ -99,10 +99,9 @@ class FloatingRunner(Runner):
         super().__init__(engine, scene, gripper, procedure, environment)
         self._floating, self._loads = engine, loads(test, gripper)
 
-    def _close_and_lift(self, attempt: Attempt, pose: Pose, watch: Callable[[str], None]) -> Execution:
+    def _close_and_lift(self, attempt: Attempt, pose: Pose) -> Execution:
         self._asymmetry_m: float | None = None
         width_m = self._close(self._tie)
-        watch("closed")
         if width_m <= self._procedure.empty_width_m:
             return Execution("empty", None, width_m)
         if self._asymmetry_m is None:

@@ -1,24 +1,21 @@
-"""Convex hulls of a few points, by trying every plane through three of them: slow, obvious, and exact where faces have many corners."""
+"""Convex bodies: from points by Qhull, whose triangles are put together where they lie on a plane."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 POINTS_MAX = 256
 # Points within this share of the hull's size are on a plane; coordinates are rounded to single precision.
 # Where a face is neither clearly flat nor clearly bent at the first, the next tells its triangles apart.
 PLANE_TOLERANCES = (1e-6, 1e-7, 1e-8)
-# Triples looked at in one go, for memory's sake.
-CHUNK = 20_000
 
 
-@dataclass(frozen=True)
-class Hull:
+class Convex:
     """A convex polyhedron: corners (n, 3) and its faces' corners by number, counter-clockwise seen from outside."""
 
     vertices_m: np.ndarray
@@ -79,6 +76,14 @@ class Hull:
         return np.array(moved)
 
 
+@dataclass(frozen=True)
+class Hull(Convex):
+    """The hull of some points."""
+
+    vertices_m: np.ndarray
+    faces: tuple[np.ndarray, ...]
+
+
 def hull_of(points_m: Iterable[Iterable[float]]) -> Hull:
     """The hull of points (n, 3); raises ValueError if they span no volume. Points within the hull are left out."""
     points = np.array(points_m, dtype=float)
@@ -107,25 +112,23 @@ def _faces(points: np.ndarray, tolerance: float) -> list[np.ndarray]:
 
 
 def _supporting_planes(points: np.ndarray, tolerance: float) -> list[tuple[np.ndarray, float, np.ndarray]]:
-    """Outward normal, offset and three points of every plane with all points on one side; the largest triangles first,
-    for theirs are the most exact."""
-    triples = np.array(list(combinations(range(len(points)), 3))).reshape(-1, 3)
-    kept = []
-    for start in range(0, len(triples), CHUNK):
-        some = triples[start : start + CHUNK]
-        a, b, c = (points[some[:, i]] for i in range(3))
-        cross = np.cross(b - a, c - a)
-        area = np.linalg.norm(cross, axis=1)
-        longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - a, c - b)], axis=0)
-        # Three points in a row lie on no particular plane.
-        some, a, cross, area = (x[area > 10 * tolerance * longest] for x in (some, a, cross, area))
-        normals = cross / area[:, None]
-        offsets = np.einsum("ti,ti->t", normals, a)
-        height = normals @ points.T - offsets[:, None]
-        for sign, is_outside in ((1.0, height.max(axis=1) <= tolerance), (-1.0, height.min(axis=1) >= -tolerance)):
-            kept += [(area[i], sign * normals[i], sign * offsets[i], some[i]) for i in np.flatnonzero(is_outside)]
-    kept.sort(key=lambda plane: (-plane[0], plane[3].tolist()))
-    return [plane[1:] for plane in kept]
+    """Outward normal, offset and three points of the planes of Qhull's triangles; the largest triangles first, for theirs
+    are the most exact."""
+    try:
+        triples = ConvexHull(points).simplices
+    except QhullError as error:
+        raise ValueError("the points span no volume") from error
+    a, b, c = (points[triples[:, i]] for i in range(3))
+    cross = np.cross(b - a, c - a)
+    area = np.linalg.norm(cross, axis=1)
+    longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - a, c - b)], axis=0)
+    # Three points in a row lie on no particular plane.
+    kept = np.flatnonzero(area > 10 * tolerance * longest)
+    normals = cross[kept] / area[kept, None]
+    offsets = np.einsum("ti,ti->t", normals, a[kept])
+    inwards = (normals @ points.mean(axis=0) > offsets)[:, None]
+    normals, offsets = np.where(inwards, -normals, normals), np.where(inwards[:, 0], -offsets, offsets)
+    return [(normals[i], offsets[i], triples[kept[i]]) for i in np.argsort(-area[kept], kind="stable")]
 
 
 def _turning(corners: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,7 +14,7 @@ import numpy as np
 
 from . import dataset, engines, objects, passes
 from .agreement import Agreement, agreement
-from .cli import CONFIG, DATA, OK, positive
+from .cli import guarded, positive, write
 from .compare import Rows, compare_gate, reaches_closing, rows_of
 from .contract import Scene
 from .floating import FloatingRunner
@@ -62,23 +61,16 @@ class Line:
 def main(arguments: list[str] | None = None) -> int:
     """Runs the cross-check; gives the exit code."""
     args = _parser().parse_args(arguments)
-    try:
+
+    def work() -> None:
         names = list(engines.ENGINES) if args.engine == "all" else [args.engine]
         gates = list(GATES) if args.gate == "both" else [args.gate]
         report = run(objects.read(args.set, args.objects, args.grasps), names, gates, args.fast)
-    except dataset.NoDataset as error:
-        return _fail(CONFIG, str(error))
-    except dataset.DamagedDataset as error:
-        return _fail(DATA, str(error))
-    except ModuleNotFoundError as error:
-        return _fail(CONFIG, f"{error}; pip install -r scripts/requirements.txt")
-    text = markdown(report, args.seed)
-    print(text)
-    for path, content in ((args.report, text), (args.json, json.dumps(as_json(report, args.seed), indent=1) + "\n")):
-        if path:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(content)
-    return OK
+        text = markdown(report, args.seed)
+        print(text)
+        write({args.report: text, args.json: json.dumps(as_json(report, args.seed), indent=1) + "\n"})
+
+    return guarded("crosscheck_objects", work)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -103,11 +95,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--json", type=Path, metavar="F.json", help="write them, and each disagreement, as JSON")
     parser.add_argument("--seed", type=int, default=1, help="of the bootstrap [default: 1]")
     return parser
-
-
-def _fail(code: int, message: str) -> int:
-    print(f"crosscheck_objects: {message}", file=sys.stderr)
-    return code
 
 
 def run(labelled: tuple[dataset.Dataset, str], names: list[str], gates: list[str], is_fast: bool) -> Report:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from .ceiling import Ceiling
 from .compare import Comparison, Rows
 from .contract import OUTCOMES
 from .dataset import Dataset
-from .markdown import AGREEMENT_HEAD, agreement_cells, interval, kappa, millimetres, percent, table
+from .markdown import AGREEMENT_HEAD, agreement_cells, drifted, interval, kappa, millimetres, percent, table
 from .ours import Clocked
 from .passes import Drift, Pass
 
@@ -41,7 +40,6 @@ class Report:
     engines: dict[str, EngineReport]
     third: list[tuple[str, Agreement, Agreement]] = field(default_factory=list)
     patterns: dict[str, int] = field(default_factory=dict)
-    pictures: dict[int, Path] = field(default_factory=dict)
     ours: Clocked | None = None
 
 
@@ -101,12 +99,7 @@ def _engine(name: str, found: EngineReport) -> str:
         f"simulated/s), {found.own.attempts_per_s:,.0f} attempts/s with its own approach.\n\n"
     )
     if len(drift.moved_m):
-        moved, turned = (np.percentile(x, [50, 99, 100]) for x in (drift.moved_m, np.degrees(drift.turned_rad)))
-        parts.append(
-            f"Half a second in {name} without the hand moves {len(drift.moved_m):,} settled objects by "
-            f"{millimetres(moved[0])} mm (median), {millimetres(moved[1])} mm (99 %), {millimetres(moved[2])} mm (most), and turns "
-            f"them by {turned[0]:.3f}°, {turned[1]:.3f}°, {turned[2]:.3f}°.\n\n"
-        )
+        parts.append(drifted(name, "settled objects", drift.moved_m, drift.turned_rad))
     parts.append(_widths(found))
     for mode, c in (("same gate", found.same), ("own approach", found.own)):
         parts.append(_mode(mode, c))
@@ -163,16 +156,11 @@ def _disagreements(report: Report) -> str:
     for i in differing:
         attempt = report.rows.attempts[i]
         key = f"{report.rows.scenes[i]}/{attempt.attempt_id}"
-        shown = f"[{key}]({report.pictures[i]})" if i in report.pictures else key
         theirs = [report.engines[name].same_gate.executions[i].outcome for name in names]
         angle = f"{np.degrees(attempt.approach_angle_rad):.0f}°"
         turned = [f"{count[i]} of {len(report.engines[name].ceiling)}" for name, count in flips.items()]
-        lines.append([shown, attempt.rule, angle, attempt.outcome, *theirs, millimetres(attempt.width_m), *turned])
-    text = f"## Attempts whose labels differ, same gate ({len(differing):,})\n\n" + _flip_summary(report) + table(head, lines)
-    for i, path in report.pictures.items():
-        attempt = report.rows.attempts[i]
-        text += f"![scene {report.rows.scenes[i]}, attempt {attempt.attempt_id}, ours {attempt.outcome}]({path})\n\n"
-    return text
+        lines.append([key, attempt.rule, angle, attempt.outcome, *theirs, millimetres(attempt.width_m), *turned])
+    return f"## Attempts whose labels differ, same gate ({len(differing):,})\n\n" + _flip_summary(report) + table(head, lines)
 
 
 def _flips(found: EngineReport) -> np.ndarray:

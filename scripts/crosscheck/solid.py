@@ -11,12 +11,14 @@ from functools import cached_property
 
 import numpy as np
 
+from .hull import Convex
+
 FACETS = 24
 SHAPES = ("cuboid", "cylinder", "tri_prism", "half_cylinder")
 
 
 @dataclass(frozen=True)
-class Solid:
+class Solid(Convex):
     """A shape by kind and bounding box: `extents_m` (3,), full lengths along the object's axes."""
 
     kind: str
@@ -51,68 +53,22 @@ class Solid:
         """The convex parts that the gate tests: the solid itself."""
         return [self]
 
-    @property
-    def half_length_m(self) -> float:
-        """Half the length along the extrusion axis (z of a cylinder, x of every other shape)."""
-        return self.extents_m[2 if self.kind == "cylinder" else 0] / 2
-
-    def lift(self, outline: np.ndarray, along: float) -> np.ndarray:
-        """Points (n, 2) of the outline's plane as points (n, 3) of the object frame, `along` the extrusion axis."""
-        column = np.full(len(outline), along)
-        columns = [outline[:, 0], outline[:, 1], column] if self.kind == "cylinder" else [column, *outline.T]
-        return np.stack(columns, axis=1)
-
     @cached_property
     def vertices_m(self) -> np.ndarray:
         """Corners (2 n, 3): the lower end's, then the upper end's."""
-        return np.concatenate([self.lift(self.outline_m, sign * self.half_length_m) for sign in (-1, 1)])
+        count, axis = len(self.outline_m), 2 if self.kind == "cylinder" else 0
+        along = np.repeat([-1.0, 1.0], count) * self.extents_m[axis] / 2
+        return np.insert(np.tile(self.outline_m, (2, 1)), axis, along, axis=1)
 
     @cached_property
-    def axis(self) -> np.ndarray:
-        """Unit vector (3,) of the extrusion."""
-        return np.array([0.0, 0.0, 1.0]) if self.kind == "cylinder" else np.array([1.0, 0.0, 0.0])
-
-    @cached_property
-    def edges(self) -> np.ndarray:
-        """Unit directions (n + 1, 3) of the edges: round the outline, then along the extrusion."""
-        sides = np.roll(self.outline_m, -1, axis=0) - self.outline_m
-        sides = self.lift(sides / np.linalg.norm(sides, axis=1, keepdims=True), 0.0)
-        return np.concatenate([sides, self.axis[None]])
-
-    @cached_property
-    def normals(self) -> np.ndarray:
-        """Outward unit normals (n + 2, 3): of the sides, then of the two ends."""
-        sides = np.roll(self.outline_m, -1, axis=0) - self.outline_m
-        outward = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
-        outward = self.lift(outward / np.linalg.norm(outward, axis=1, keepdims=True), 0.0)
-        return np.concatenate([outward, -self.axis[None], self.axis[None]])
-
-    @cached_property
-    def volume_m3(self) -> float:
-        """Volume of the polyhedron."""
-        return self._area_moments[0] * 2 * self.half_length_m
-
-    @cached_property
-    def centroid_m(self) -> np.ndarray:
-        """Centre of mass (3,) of the uniform solid in the object frame."""
-        return self.lift(self._area_moments[1][None], 0.0)[0]
+    def faces(self) -> tuple[np.ndarray, ...]:
+        """The sides, then both ends."""
+        lower = np.arange(len(self.outline_m))
+        upper = lower + len(lower)
+        sides = np.stack([lower, np.roll(lower, -1), np.roll(upper, -1), upper], axis=1)
+        return (*sides, lower[::-1], upper)
 
     def inertia_kg_m2(self, mass_kg: float) -> np.ndarray:
         """Principal moments (3,) about the centroid, along the object's axes, of the uniform solid."""
-        _, _, (uu, vv) = self._area_moments
-        ll = (2 * self.half_length_m) ** 2 / 12
-        second = [uu, vv, ll] if self.kind == "cylinder" else [ll, uu, vv]
-        return mass_kg * (sum(second) - np.array(second))
-
-    @cached_property
-    def _area_moments(self) -> tuple[float, np.ndarray, tuple[float, float]]:
-        """Area, centroid (2,) and central second moments per area of the outline (Green's theorem).
-
-        The outlines are mirrored about one axis, so the product of inertia is zero.
-        """
-        a, b = self.outline_m, np.roll(self.outline_m, -1, axis=0)
-        cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
-        area = cross.sum() / 2
-        centroid = ((a + b) * cross[:, None]).sum(axis=0) / (6 * area)
-        second = ((a * a + a * b + b * b) * cross[:, None]).sum(axis=0) / (12 * area) - centroid**2
-        return float(area), centroid, (float(second[0]), float(second[1]))
+        second = np.diag(self.second_moments_m5) / self.volume_m3
+        return mass_kg * (second.sum() - second)

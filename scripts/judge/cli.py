@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 from crosscheck import engines
-from crosscheck.cli import CONFIG, DATA, OK, positive
+from crosscheck.cli import command, guarded, positive, write
 from crosscheck.dataset import Dataset
 
 from . import execution, experiment
@@ -30,23 +29,16 @@ exit codes:
 def main(arguments: list[str] | None = None) -> int:
     """Judges an experiment; gives the exit code."""
     args = _parser().parse_args(arguments)
-    try:
+
+    def work() -> None:
         tried = experiment.read(args.experiment, args.rounds)
         engine = _engine(tried.data)
-    except experiment.NoExperiment as error:
-        return _fail(CONFIG, str(error))
-    except experiment.DamagedExperiment as error:
-        return _fail(DATA, str(error))
-    except ModuleNotFoundError as error:
-        return _fail(CONFIG, f"{error}; pip install -r scripts/requirements.txt")
-    report = report_of(tried, execution.judge(tried.data, args.jobs), engine, _command(arguments))
-    text = markdown(report)
-    for path, content in ((args.report, text), (args.json, json.dumps(as_json(report), indent=1) + "\n")):
-        if path:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(content)
-    print(text, end="")
-    return OK
+        report = report_of(tried, execution.judge(tried.data, args.jobs), engine, command("judge_pybullet", arguments))
+        text = markdown(report)
+        write({args.report: text, args.json: json.dumps(as_json(report), indent=1) + "\n"})
+        print(text, end="")
+
+    return guarded("judge_pybullet", work)
 
 
 def _engine(data: Dataset) -> dict:
@@ -69,12 +61,3 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--report", type=Path, metavar="F.md", help="also write the report here")
     parser.add_argument("--json", type=Path, metavar="F.json", help="write everything as JSON")
     return parser
-
-
-def _command(arguments: list[str] | None) -> str:
-    return " ".join(["python scripts/judge_pybullet.py", *(sys.argv[1:] if arguments is None else arguments)])
-
-
-def _fail(code: int, message: str) -> int:
-    print(f"judge_pybullet: {message}", file=sys.stderr)
-    return code

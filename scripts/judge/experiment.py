@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.dataset as pads
 from crosscheck.compound import Compound, body_of, compound_of
 from crosscheck.contract import OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene, SceneObject
-from crosscheck.dataset import POSE, Dataset, build, pose_of
+from crosscheck.dataset import POSE, DamagedDataset, Dataset, NoDataset, build, pose_of
 
 RUN, BODIES, ATTEMPTS, OBJECTS = "run.json", "bodies.json", "attempts.parquet", "objects.parquet"
 # What this program calls a column, and its name in the file.
@@ -23,14 +23,6 @@ COLUMNS = {
         "mass_kg": "mass_kg", "friction": "friction", **{name: name for name in POSE},
     },
 }  # fmt: skip
-
-
-class NoExperiment(Exception):
-    """There is no experiment here, or one without what is needed to execute its grasps again."""
-
-
-class DamagedExperiment(Exception):
-    """The folder's files contradict each other or cannot be read."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +39,10 @@ def read(folder: Path, round_count: int | None) -> Experiment:
     """The experiment's first `round_count` rounds (all if None)."""
     missing = [name for name in (RUN, ATTEMPTS, OBJECTS) if not (folder / name).is_file()]
     if missing:
-        raise NoExperiment(f"{folder} holds no experiment whose grasps can be executed again: {', '.join(missing)} missing")
+        raise NoDataset(f"{folder} holds no experiment whose grasps can be executed again: {', '.join(missing)} missing")
     run = _json(folder / RUN)
     if "container" in run:
-        raise NoExperiment(f"{folder / RUN}: its scenes have containers, whose walls this program does not build in other engines")
+        raise NoDataset(f"{folder / RUN}: its scenes have containers, whose walls this program does not build in other engines")
     try:
         physics = run["physics"]
         environment = Environment(
@@ -60,7 +52,7 @@ def read(folder: Path, round_count: int | None) -> Experiment:
         protocol, seed, rate = str(run["protocol"]), int(run["seeds"][0]), float(physics["step_rate_hz"])
         seeds = [int(seed) for seed in run["seeds"]]
     except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise DamagedExperiment(f"{folder / RUN}: {error!r}") from error
+        raise DamagedDataset(f"{folder / RUN}: {error!r}") from error
     compounds = _compounds(folder / BODIES)
     scenes = _scenes(folder, round_count, compounds)
     name = folder.resolve().name
@@ -71,9 +63,9 @@ def _json(path: Path) -> dict:
     try:
         value = json.loads(path.read_text())
     except (OSError, ValueError) as error:
-        raise DamagedExperiment(f"{path}: {error}") from error
+        raise DamagedDataset(f"{path}: {error}") from error
     if not isinstance(value, dict):
-        raise DamagedExperiment(f"{path}: an object is needed")
+        raise DamagedDataset(f"{path}: an object is needed")
     return value
 
 
@@ -84,7 +76,7 @@ def _compounds(path: Path) -> dict[str, Compound]:
         try:
             found[name] = compound_of(name, [part["vertices_m"] for part in body["parts"]])
         except (KeyError, TypeError, ValueError) as error:
-            raise DamagedExperiment(f"{path}: {name}: {error!r}") from error
+            raise DamagedDataset(f"{path}: {name}: {error!r}") from error
     return found
 
 
@@ -95,17 +87,17 @@ def _scenes(folder: Path, round_count: int | None, compounds: dict[str, Compound
     rows = _rows(folder, ATTEMPTS, round_count)
     attempts = {(row["round"], row["trial"]): row for row in rows}
     if not attempts:
-        raise DamagedExperiment(f"{folder / ATTEMPTS} holds no grasps" + ("" if round_count is None else " of these rounds"))
+        raise DamagedDataset(f"{folder / ATTEMPTS} holds no grasps" + ("" if round_count is None else " of these rounds"))
     if len(attempts) < len(rows):
-        raise DamagedExperiment(f"{folder / ATTEMPTS}: {len(rows) - len(attempts)} rows repeat a round and trial")
+        raise DamagedDataset(f"{folder / ATTEMPTS}: {len(rows) - len(attempts)} rows repeat a round and trial")
     scenes = []
     for key in sorted(attempts):
         if key not in standing:
-            raise DamagedExperiment(f"{folder / OBJECTS}: no objects of round {key[0]}, trial {key[1]}")
+            raise DamagedDataset(f"{folder / OBJECTS}: no objects of round {key[0]}, trial {key[1]}")
         try:
             scenes.append(_scene(attempts[key], standing[key], compounds))
         except (ValueError, TypeError) as error:
-            raise DamagedExperiment(f"round {key[0]}, trial {key[1]}: {error}") from error
+            raise DamagedDataset(f"round {key[0]}, trial {key[1]}: {error}") from error
     return scenes
 
 
@@ -115,13 +107,13 @@ def _rows(folder: Path, table: str, round_count: int | None) -> list[dict]:
     try:
         source = pads.dataset(folder / table, format="parquet")
         if missing := [name for name in names.values() if name not in source.schema.names]:
-            raise DamagedExperiment(f"{folder / table} has no column {', '.join(missing)}")
+            raise DamagedDataset(f"{folder / table} has no column {', '.join(missing)}")
         chosen = None if round_count is None else pads.field(names["round"]) < round_count
         rows = source.to_table(columns={ours: pads.field(name) for ours, name in names.items()}, filter=chosen).to_pylist()
     except (OSError, pa.ArrowException) as error:
-        raise DamagedExperiment(f"{folder / table}: {error}") from error
+        raise DamagedDataset(f"{folder / table}: {error}") from error
     if any(row["round"] is None or row["trial"] is None for row in rows):
-        raise DamagedExperiment(f"{folder / table}: a row without round or trial")
+        raise DamagedDataset(f"{folder / table}: a row without round or trial")
     return rows
 
 

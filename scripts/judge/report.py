@@ -9,7 +9,7 @@ import numpy as np
 from crosscheck.agreement import RESAMPLES, Agreement, agreement, confusion
 from crosscheck.compare import Rows, reaches_closing, rows_of
 from crosscheck.contract import BLOCKED, OUTCOMES
-from crosscheck.markdown import AGREEMENT_HEAD, agreement_cells, millimetres, percent, table
+from crosscheck.markdown import AGREEMENT_HEAD, agreement_cells, drifted, percent, table
 
 from .execution import Judged
 from .experiment import Experiment
@@ -138,7 +138,7 @@ def markdown(report: Report) -> str:
         "closing. Intervals hold 95 % of a bootstrap that draws rounds; rounds without a grasp are not among them. κ is Cohen's.\n\n",
         f"pybullet {about['version']}: {settings}.\n\n",
         _summary(report),
-        _drift(report),
+        drifted("PyBullet", "objects of these scenes", report.judged.drift.moved_m, report.judged.drift.turned_rad),
         _part("All grasps", report.overall),
         _part("Grasps that reach closing in both", report.closing),
         _by_body(report),
@@ -158,16 +158,6 @@ def _cells(part: Part) -> list[str]:
 
 def _rate(rate: Rate) -> str:
     return f"{percent(rate.value)} [{percent(rate.low)}, {percent(rate.high)}]"
-
-
-def _drift(report: Report) -> str:
-    drift = report.judged.drift
-    moved, turned = (np.percentile(x, [50, 99, 100]) for x in (drift.moved_m, np.degrees(drift.turned_rad)))
-    return (
-        f"Half a second in PyBullet without the hand moves {len(drift.moved_m):,} objects of these scenes by "
-        f"{millimetres(moved[0])} mm (median), {millimetres(moved[1])} mm (99 %), {millimetres(moved[2])} mm (most), and turns them "
-        f"by {turned[0]:.3f}°, {turned[1]:.3f}°, {turned[2]:.3f}°.\n\n"
-    )
 
 
 def _part(title: str, part: Part) -> str:
