@@ -1,21 +1,23 @@
 #!/usr/bin/env bash
-# All checks that a change must pass. Usage: scripts/test.sh [--quick|--rust-only|--no-torch]
+# All checks that a change must pass. Usage: scripts/test.sh [--quick|--rust-only|--no-torch|--long]
 #
 # --quick: format, house rules, reference pages, locks, subjects of the last commits; under a minute where the programs
 # are built. Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless
 # --rust-only. Python packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the
-# tests that need it; scripts/site.sh, which is a step, has a venv of its own. As root on Debian or Ubuntu, Slurm,
-# strace, faketime, Chromium, zsh and fish are installed, too; elsewhere the tests that need them are skipped with a
-# message, and so is that of real captures where GRASPMILL_REAL names none (by default ../shared/real, if that exists).
-# With GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every step runs even if an earlier one failed, unless it
-# depends on it. The table at the end lists the results and times. Exit code: 0 if all passed, 1 if a step failed, 2 if
-# the arguments are wrong.
+# tests that need it; scripts/site.sh, which is a step, has a venv of its own. --long: also the long versions of the
+# Python tests, those marked `long`: ten times as many faults, attacks and hostile datasets, an hour more. As root on
+# Debian or Ubuntu, Slurm, strace, faketime, Chromium, zsh and fish are installed, too; elsewhere the tests that need
+# them are skipped with a message, and so is that of real captures where GRASPMILL_REAL names none (by default
+# ../shared/real, if that exists). With GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every step runs even if an
+# earlier one failed, unless it depends on it. The table at the end lists the results and times. Exit code: 0 if all
+# passed, 1 if a step failed, 2 if the arguments are wrong.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 rust_only=no
 quick=no
 without=
+marked='not long'
 GRASPMILL_MISSING=
 requirements=(scripts/requirements.txt scripts/requirements-golden.txt)
 case "${1-}" in
@@ -23,7 +25,8 @@ case "${1-}" in
     --quick) quick=yes ;;
     --rust-only) rust_only=yes ;;
     --no-torch) requirements=(scripts/requirements.txt); without=torch ;;
-    *) echo "usage: scripts/test.sh [--quick|--rust-only|--no-torch]" >&2; exit 2 ;;
+    --long) marked='long or not long' ;;
+    *) echo "usage: scripts/test.sh [--quick|--rust-only|--no-torch|--long]" >&2; exit 2 ;;
 esac
 
 if [[ -z ${GRASPMILL_REAL-} && -d ../shared/real ]]; then
@@ -200,14 +203,12 @@ wheel() {
         && .venv/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$scratch"/wheels/*.whl
 }
 
-# Two files at a time: half of the time goes to waiting for servers, schedulers and time limits.
+# Two tests at a time, mostly in the order of the files, so that what a file sets up is made once or twice: half of the
+# time goes to waiting for servers, schedulers and time limits.
 readers() {
     GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" \
-        GRASPMILL_SHARDS="${CARGO_TARGET_DIR:-target}/debug/shards" \
-        GRASPMILL_TRAINER="${CARGO_TARGET_DIR:-target}/debug/trainer" \
-        GRASPMILL_PLANNER="${CARGO_TARGET_DIR:-target}/debug/planner" \
-        GRASPMILL_PROGRAMS="${CARGO_TARGET_DIR:-target}/debug" .venv/bin/python -m pytest -n 2 --dist loadfile --durations 15 -rs \
-        -p no:cacheprovider tests/python
+        GRASPMILL_PROGRAMS="${CARGO_TARGET_DIR:-target}/debug" .venv/bin/python -m pytest -n 2 --dist worksteal --durations 15 -rs \
+        -p no:cacheprovider -m "$marked" tests/python
 }
 
 if [[ $quick == yes ]]; then

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from . import _native
 from ._arrays import quaternions
-from ._grasp_files import FORMATS, WRITERS, module
 from .errors import GraspmillError, InputError
+from .formats import grasps as grasp_files
+from .formats._files import module
 from .object_grasps import ObjectGrasps, read_grasps
 
 #: Exit codes after which the sets are there: all, or those of the inputs that could be used.
@@ -19,7 +20,9 @@ WHOLE = (0, 66)
 #: Formats whose files say how many metres a unit of the mesh is.
 WITH_SCALE = ("acronym", "graspgen", "isaac_grasp")
 #: A format, and what ends the name of its file: the first of its endings.
-ENDINGS: dict[str, str] = {form: next(f".{form}{ending}" for ending, of in FORMATS.items() if of == form) for form in WRITERS}
+ENDINGS: dict[str, str] = {
+    form: next(f".{form}{ending}" for ending, of in grasp_files.ENDINGS.items() if of == form) for form in grasp_files.WRITTEN
+}
 
 
 def is_ours(words: list[str]) -> bool:

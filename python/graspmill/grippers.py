@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Union
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from . import _arrays, _native
 from .errors import InputError

@@ -1,11 +1,7 @@
 """Fixtures for the tests of the cross-check and of the judge: a hand and its procedure, a table, two orientations."""
 
-import sys
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 
 from crosscheck.contract import Environment, Gripper, Procedure
 from crosscheck.solid import Solid

@@ -15,9 +15,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-PROGRAMS = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "debug"
-LONG = 10 if os.environ.get("GRASPMILL_FAULTS") == "long" else 1  # factor on the number of tries
+from programs import PROGRAMS, files
+
 SEED = int(os.environ.get("GRASPMILL_FAULTS_SEED", 1))
 HANG_S = 60  # a longer run counts as hanging
 OK, USAGE, DATA, INCOMPLETE, TRY_AGAIN, CONFIG = 0, 2, 65, 69, 75, 78
@@ -64,12 +63,6 @@ def side_by_side(work, items):
 def is_staging(name):
     name = Path(name).name
     return name.startswith(".") and "#" in name and name.endswith(".tmp")
-
-
-def files(folder):
-    """Every file by name, with its bytes."""
-    paths = [path for path in sorted(Path(folder).rglob("*")) if path.is_file()]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
 
 
 def leftovers(folder):
@@ -254,10 +247,10 @@ def all_first_calls(case, tmp_path):
     return dict(zip(STATES, side_by_side(lambda state: first_calls(case, state, tmp_path), STATES)))
 
 
-def inject(case, state, call, first, what, tmp_path):
-    """Injects a fault into the n-th call, for n = first, first + 1, … until a run passes undisturbed; yields those
+def inject(case, state, call, first, what, step, tmp_path):
+    """Injects a fault into the n-th call, for n = first, first + step, … until a run passes undisturbed; yields those
     that touched the folder: it, what was done, and how the run ended."""
-    for number in range(first, 1000):
+    for number in range(first, 1000, step):
         folder = prepare(case, state, tmp_path / f"{state}-{call}-{number}")
         options = ["-e", f"trace={call}", "-e", f"inject={call}:{what}:when={number}"]
         ended, calls = traced(case, folder, STATES[state], options, tmp_path / "log")
@@ -272,7 +265,12 @@ def inject(case, state, call, first, what, tmp_path):
     raise AssertionError(f"{call}: still disturbed after 1,000 runs")
 
 
-def at_every_call(case, first, items, check, tmp_path):
+def step_of(factor):
+    """Of what can be tried at each step: every fourth, or all in a long run."""
+    return 4 if factor == 1 else 1
+
+
+def at_every_call(case, first, items, check, factor, tmp_path):
     """Injects faults `(state, call, what)`; how often each touched the folder, and what `check` found."""
 
     def work(item):
@@ -280,7 +278,7 @@ def at_every_call(case, first, items, check, tmp_path):
         own = tmp_path / f"{state}-{call}-{re.sub('[^A-Za-z]', '-', what)}"
         own.mkdir()
         points, problems = 0, []
-        for folder, where, ended in inject(case, state, call, first[state][call], what, own):
+        for folder, where, ended in inject(case, state, call, first[state][call], what, step_of(factor), own):
             points += 1
             problems += [f"{where}: {problem}" for problem in check(folder, ended)]
         return points, problems

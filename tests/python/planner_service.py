@@ -4,7 +4,6 @@ import base64
 import http.client
 import io
 import json
-import os
 import re
 import signal
 import socket
@@ -16,10 +15,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-import pytest
+from programs import PROGRAMS, ROOT
 
-ROOT = Path(__file__).parents[2]
-PLANNER = Path(os.environ.get("GRASPMILL_PLANNER", ROOT / "target" / "debug" / "planner")).resolve()
+PLANNER = PROGRAMS / "planner"
 DEMO = ROOT / "planner" / "demo"
 JSON = {"Content-Type": "application/json"}
 
@@ -28,8 +26,6 @@ class Service:
     """A running `planner serve`."""
 
     def __init__(self, folder, *args):
-        if not PLANNER.exists():
-            pytest.fail(f"no planner at {PLANNER}: cargo build, or set GRASPMILL_PLANNER")
         self.log = folder / "log.txt"
         command = [str(word) for word in (PLANNER, "serve", "--port", "0", *args)]
         with open(self.log, "w") as log:

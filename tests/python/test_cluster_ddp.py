@@ -176,6 +176,7 @@ def file_of(path, text):
     return path
 
 
+@pytest.mark.long
 @pytest.mark.skipif(slurm.available() != "", reason=slurm.available())
 def test_a_job_of_two_nodes_goes_on_after_its_time_limit(tmp_path):
     graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")

@@ -2,15 +2,12 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from attempts import GRIPPER, PROCEDURE
 from programs import program
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 
 from crosscheck import engines, objects, objects_cli
 from crosscheck.compound import compound_of

@@ -8,28 +8,23 @@ The loaders here work like VGN's `dataset.py` and GIGA's `dataset_voxel.py`, wit
 import csv
 import fcntl
 import json
-import os
 import resource
 import shutil
 import subprocess
 import sys
 from itertools import groupby
-from pathlib import Path
 
 import numpy as np
 import pyarrow.dataset as pads
 import pyarrow.parquet as pq
 import pytest
+from programs import DATASET, ROOT, files
 
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 
 from graspmill import __main__ as program
 from graspmill import formats
 
-ROOT = Path(__file__).parents[2]
-if "GRASPMILL_DATASET" not in os.environ:
-    pytest.exit("set GRASPMILL_DATASET to the folder of a dataset", returncode=4)
-DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
 INFO = json.loads((DATASET / "meta/info.json").read_text())
 SIDE, SIZE_M = INFO["grid"]["resolution"], INFO["grid"]["size_m"]
 VOXEL_M = SIZE_M / SIDE
@@ -45,10 +40,6 @@ def exported(out, form="vgn", dataset=DATASET):
     done = export(dataset, form, out)
     assert done.returncode == 0, done.stderr
     return json.loads((out / "export.json").read_text())
-
-
-def content(root):
-    return {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}
 
 
 @pytest.fixture(scope="module")
@@ -234,11 +225,11 @@ def encodings_of(path):
 def test_the_same_bytes_each_time_and_a_stopped_export_goes_on(form, tmp_path, vgn):
     dataset, one, two = graspmill.Dataset(DATASET), tmp_path / "one", tmp_path / "two"
     told = exported(one, form)
-    left = content(one)
-    assert exported(one, form) == told and content(one) == left, "a complete one is left as it is"
+    left = files(one)
+    assert exported(one, form) == told and files(one) == left, "a complete one is left as it is"
     assert not [name for name in left if name.endswith((".part", ".lock"))]
     if form == "vgn":
-        assert left == content(vgn[0])
+        assert left == files(vgn[0])
 
     def stop(_):
         raise KeyboardInterrupt
@@ -256,7 +247,7 @@ def test_the_same_bytes_each_time_and_a_stopped_export_goes_on(form, tmp_path, v
         shutil.rmtree(two / "scene-000000004.part")
     scenes = []
     assert formats.export(dataset, form, str(two), done=scenes.append) == told
-    assert sum(scenes) == dataset.scene_count and content(two) == left
+    assert sum(scenes) == dataset.scene_count and files(two) == left
 
 
 def test_ctrl_c_ends_the_program_so_that_it_is_run_again(monkeypatch, tmp_path, capsys):
@@ -290,7 +281,7 @@ def test_what_cannot_be_is_refused_and_nothing_of_others_is_touched(vgn, points,
         done = export(dataset, form, out, *more)
         assert done.returncode == code and told in done.stderr and not done.stdout, (out, done)
     assert not (tmp_path / "new").exists()
-    assert content(tmp_path) == {"thesis.tex": b"mine", "damaged/export.json": b"{}"}
+    assert files(tmp_path) == {"thesis.tex": b"mine", "damaged/export.json": b"{}"}
 
 
 def test_datasets_that_do_not_fit_vgn_are_refused(tmp_path):

@@ -1,13 +1,12 @@
 """After any fault that stops a writer, the next run of the same command makes the same dataset, byte for byte.
 
-    GRASPMILL_FAULTS=long python -m pytest tests/python/test_faults.py
+    python -m pytest -m long tests/python/test_faults.py    # at every step, and at more random times
 
 Faults are injected into the programs as users run them. Tests that need missing tools (root, strace, faketime) are
 skipped with a reason. GRASPMILL_FAULTS_REPORT=FILE receives a line of JSON for each kind of fault;
 docs/reliability.md adds them up.
 """
 
-import hashlib
 import re
 import resource
 import shutil
@@ -19,8 +18,9 @@ from pathlib import Path
 import pytest
 
 import faults
-from faults import CONFIG, DATA, INCOMPLETE, LONG, OK, READS, ROOT, STATES, TRY_AGAIN
-from faults import prepare, problems_of, record, run, traced
+from faults import CONFIG, DATA, INCOMPLETE, OK, READS, STATES, TRY_AGAIN
+from faults import prepare, problems_of, record, run, step_of, traced
+from programs import ROOT, files
 
 needs_strace = pytest.mark.skipif(bool(faults.why_no_strace()), reason=faults.why_no_strace())
 SMALL = {"attempts_per_scene": 2, "resolution": 8}
@@ -67,7 +67,7 @@ def many(config, folder):
 
 
 @needs_strace
-def test_killed_at_every_system_call(two, tmp_path):
+def test_killed_at_every_system_call(two, tmp_path, factor):
     first = faults.all_first_calls(two, tmp_path)
     # A file is created, written, flushed and renamed; without these calls nothing would have been tested.
     assert {"openat", "mkdir", "write", "fsync", "renameat2"} <= set(first["empty"]), first
@@ -81,8 +81,8 @@ def test_killed_at_every_system_call(two, tmp_path):
         return problems + two.lost(folder)
 
     items = [(state, call, "signal=KILL") for state in STATES for call in sorted(first[state].keys() - READS)]
-    counts, problems = faults.at_every_call(two, first, items, check, tmp_path)
-    assert sum(counts.values()) >= 60, counts
+    counts, problems = faults.at_every_call(two, first, items, check, factor, tmp_path)
+    assert sum(counts.values()) >= (20 if factor == 1 else 60), counts
     record("SIGKILL at every system call that touches the dataset", sum(counts.values()), problems, points=counts)
 
 
@@ -105,7 +105,7 @@ MAY_LEAVE = ("unlink", "unlinkat", "statx")
 
 @needs_strace
 @pytest.mark.parametrize("looks", [False, True], ids=["changes", "looks"])
-def test_every_system_call_fails_once(two, tmp_path, looks):
+def test_every_system_call_fails_once(two, tmp_path, looks, factor):
     """Those that change something, in every state; those that only look, where all shards are there to be looked at."""
     first = faults.all_first_calls(two, tmp_path)
 
@@ -121,11 +121,11 @@ def test_every_system_call_fails_once(two, tmp_path, looks):
         (state, call, f"error={error}")
         for state in STATES
         for call in sorted(first[state])
-        if looks == (call in READS) and (LONG > 1 or not looks or state == "written")
-        for error in ERRORS.get(call, [])[:LONG]
+        if looks == (call in READS) and (factor > 1 or not looks or state == "written")
+        for error in ERRORS.get(call, [])[:factor]
     ]
-    counts, problems = faults.at_every_call(two, first, items, check, tmp_path)
-    assert sum(counts.values()) >= 40, counts
+    counts, problems = faults.at_every_call(two, first, items, check, factor, tmp_path)
+    assert sum(counts.values()) >= (10 if factor == 1 else 40), counts
     what = "looks at" if looks else "changes"
     record(f"every system call that {what} the dataset fails once", sum(counts.values()), problems, points=counts)
 
@@ -149,9 +149,9 @@ def test_file_systems_without(two, tmp_path, errors):
 
 
 @needs_strace
-def test_gc_killed_at_every_removal(two, tmp_path):
+def test_gc_killed_at_every_removal(two, tmp_path, factor):
     points, problems = 0, []
-    for number in range(1, 100):
+    for number in range(1, 100, step_of(factor)):
         folder = two.copy(tmp_path / str(number))
         left = [folder / Path(name).parent / f".{Path(name).name}#{i}.tmp" for name in two.whole for i in range(2)]
         for path in left:
@@ -165,7 +165,7 @@ def test_gc_killed_at_every_removal(two, tmp_path):
         if remain != len(left) - number + 1:
             problems.append(f"{remain} of {len(left)} files remain after removal {number}")
         problems += two.lost(folder)
-    assert faults.leftovers(folder) == [] and points == len(left)
+    assert faults.leftovers(folder) == [] and points == len(left[:: step_of(factor)])
     record("`generator gc` killed at every removal", points, problems)
 
 
@@ -173,23 +173,22 @@ def test_gc_removes_nothing_that_is_somebody_elses(two, tmp_path):
     for name in (".thesis.tex#0.tmp", "meta/.notes#1.tmp", "data.parquet"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("mine")
-    before = faults.files(tmp_path)
+    before = files(tmp_path)
     ended = run("generator", "gc", tmp_path)
-    assert ended.returncode == CONFIG and ended.stderr and faults.files(tmp_path) == before, ended
+    assert ended.returncode == CONFIG and ended.stderr and files(tmp_path) == before, ended
 
 
 # --- What a cut of the power could take. This test checks the order of the calls instead.
 
 
 @needs_strace
-def test_files_are_on_the_disk_before_others_speak_of_them(two, tmp_path):
+def test_files_are_on_the_disk_before_others_speak_of_them(two, tmp_path, factor):
     """After a successful run nothing remains to flush, even if an earlier run was killed before it flushed."""
     trace = ["-e", f"trace={','.join(faults.FLUSHES)}"]
 
     def work(state):
-        points, problems, was_killed, log = 0, [], True, tmp_path / f"{state}.log"
-        while was_killed:
-            points += 1
+        problems, log = [], tmp_path / f"{state}.log"
+        for points in range(1, 1000, step_of(factor)):
             folder, cache = prepare(two, state, tmp_path / f"{state}-{points}"), faults.Cache()
             kill = ["-e", f"inject=fsync:signal=KILL:when={points}"]
             ended, lines = traced(two, folder, [], [*trace, *kill], log)
@@ -201,7 +200,8 @@ def test_files_are_on_the_disk_before_others_speak_of_them(two, tmp_path):
             left = [name for name in sorted(cache.names | cache.bytes) if not faults.is_staging(name)]
             found += [f"{name} is not flushed" for name in left if str(folder) in name]
             problems += [f"killed at flush {points}, {state}: {problem}" for problem in found]
-        return points, problems
+            if not was_killed:
+                return points, problems
 
     results = faults.side_by_side(work, STATES)
     points, problems = sum(n for n, _ in results), [problem for _, found in results for problem in found]
@@ -227,7 +227,7 @@ def stop_often(case, folder, rng, signals, times, check):
     problems, stops, left, span = [], 0, 0, case.seconds
     folder.mkdir()
     while stops < times:
-        before, tables = faults.files(folder), rng.random() < 0.5
+        before, tables = files(folder), rng.random() < 0.5
         ended = stopped(case, folder, rng, signals(rng), span)
         found = case.half_written(folder)
         if ended is None:
@@ -250,8 +250,8 @@ def stop_in_two_folders(case, name, signals, times, check, tmp_path):
     return [problem for found, _ in results for problem in found], max(left for _, left in results)
 
 
-def test_killed_at_random_times(many, tmp_path):
-    times = 60 * LONG
+def test_killed_at_random_times(many, tmp_path, factor):
+    times = 8 * factor
 
     def check(folder, before, ended):
         return problems_of(ended, [-signal.SIGKILL], "the killed run")
@@ -264,19 +264,19 @@ ASK = [signal.SIGTERM, signal.SIGINT]
 
 
 @pytest.mark.parametrize("count, name", [(1, "once"), (2, "twice")])
-def test_asked_to_stop_at_random_times(many, tmp_path, count, name):
-    times, early = 16 * LONG, []
+def test_asked_to_stop_at_random_times(many, tmp_path, count, name, factor):
+    times, early = 6 * factor, []
 
     def check(folder, before, ended):
         if -ended.returncode in ASK:  # before the program listens for signals it has touched nothing
             early.append(ended)
-            return [] if faults.files(folder) == before else ["it died of the signal and had begun to write"]
+            return [] if files(folder) == before else ["it died of the signal and had begun to write"]
         # The second signal ends it at once, like a kill.
         left = faults.leftovers(folder) if count == 1 else []
         return problems_of(ended, [TRY_AGAIN], "the stopped run") + [f"{name} is left" for name in left]
 
     problems, _ = stop_in_two_folders(many, name, lambda rng: rng.choices(ASK, k=count), times, check, tmp_path)
-    assert len(early) < times / 2, "nearly all signals came too early"
+    assert len(early) < times, "nearly all signals came too early"
     record(f"SIGTERM or SIGINT at random times, {name}: code 75", times, problems, before_it_listened=len(early))
 
 
@@ -294,13 +294,13 @@ def stopped_by_the_system(case, folder, ended, codes=(TRY_AGAIN,)):
 
 
 @pytest.mark.parametrize("unit, step", [("size", 4096), ("nr_inodes", 1)])
-def test_the_disk_is_full(four, tmp_path, unit, step):
-    """A disk of one page, of two, …, until all fits; then of one file, of two, …"""
+def test_the_disk_is_full(four, tmp_path, unit, step, factor):
+    """A disk of one page, of two, …, until all fits; then of one file, of two, …; in a short run of a few sizes."""
     stops, problems, roomy = 0, [], "size=64m,nr_inodes=1000"
     with faults.disk(tmp_path / "disk", roomy) as remount:
         if remount is None:
             pytest.skip("cannot mount a small disk here (needs root)")
-        for number in range(1, 1000):
+        for number in range(1, 1000, 2 * step_of(factor) - 1):
             remount(f"{roomy},{unit}={(number + 1) * step}")
             ended = four.generate(tmp_path / "disk/data")
             found = stopped_by_the_system(four, tmp_path / "disk/data", ended)
@@ -315,10 +315,10 @@ def test_the_disk_is_full(four, tmp_path, unit, step):
     record(f"disk full, at every number of {what}", stops, problems)
 
 
-def test_files_may_not_grow(four, tmp_path):
+def test_files_may_not_grow(four, tmp_path, factor):
     """RLIMIT_FSIZE: SIGXFSZ is ignored, so that the limit is an error like any other."""
     largest = max(map(len, four.whole.values()))
-    limits = [0, 1, 1000, *range(2048, largest, 4096 // min(LONG, 8)), largest - 1]
+    limits = [0, 1, 1000, *range(2048, largest, 4096 * step_of(factor) // 2), largest - 1]
     problems = []
     for limit in limits:
         out = tmp_path / str(limit)
@@ -331,9 +331,9 @@ def test_files_may_not_grow(four, tmp_path):
     record("file-size limit (RLIMIT_FSIZE)", len(limits), problems)
 
 
-def test_too_few_file_descriptors(two, tmp_path):
+def test_too_few_file_descriptors(two, tmp_path, factor):
     problems, stops, unloaded = [], 0, 0
-    for limit in range(3, 16):
+    for limit in range(3, 16) if factor > 1 else (*range(3, 8), 15):
         out = tmp_path / str(limit)
         ended = two.generate(out, preexec_fn=limited(resource.RLIMIT_NOFILE, limit))
         if "error while loading shared libraries" in ended.stderr:  # the system's words: the program did not begin
@@ -353,12 +353,12 @@ def test_the_folder_is_read_only(two, tmp_path, state):
             pytest.skip("cannot mount a disk here (needs root)")
         out = tmp_path / "disk/data"
         prepare(two, state, out)
-        before = faults.files(tmp_path / "disk")
+        before = files(tmp_path / "disk")
         remount("ro")
         ended = two.generate(out)
         codes = [OK] if state == "whole" else [TRY_AGAIN, CONFIG]
         problems = problems_of(ended, codes, "the run on a read-only disk")
-        problems += [] if faults.files(tmp_path / "disk") == before else ["something changed"]
+        problems += [] if files(tmp_path / "disk") == before else ["something changed"]
         remount("rw")
         record(f"read-only disk, {state}", 1, problems + two.lost(out), code=ended.returncode)
 
@@ -366,9 +366,9 @@ def test_the_folder_is_read_only(two, tmp_path, state):
 # --- Others at work on the same folder.
 
 
-def test_four_writers_of_all_shards(many, tmp_path):
+def test_four_writers_of_all_shards(many, tmp_path, factor):
     """Four concurrent runs of the same command, while other processes list missing shards and sweep."""
-    rounds, problems = 5 * LONG, []
+    rounds, problems = factor, []
     for number in range(rounds):
         out = tmp_path / str(number)
         writers = [faults.start("generator", *many.command(out)) for _ in range(4)]
@@ -387,10 +387,10 @@ def test_four_writers_of_all_shards(many, tmp_path):
     record("four writers of all shards at once, with gc, missing and finalize among them", rounds, problems)
 
 
-def test_writers_killed_among_writers(many, tmp_path):
+def test_writers_killed_among_writers(many, tmp_path, factor):
     """Of four writers, three are killed at random times; the fourth must succeed."""
     rng, problems, kills, span = faults.dice("killed among writers"), [], 0, many.seconds
-    while kills < 15 * LONG:
+    while kills < 3 * factor:
         out = tmp_path / str(kills)
         survivor, *victims = [faults.start("generator", *many.command(out)) for _ in range(4)]
         for victim in victims:
@@ -421,7 +421,7 @@ def test_another_clock(four, tmp_path, clock):
 def snapshot(folder):
     """All names and bytes, and their modification times."""
     times = {str(path): path.stat().st_mtime_ns for path in folder.rglob("*")}
-    return faults.files(folder), times
+    return files(folder), times
 
 
 def test_another_dataset_is_refused(two, tmp_path):
@@ -458,36 +458,11 @@ def other(config, folder):
     return faults.Case(folder / "other", config, 4, 8, seed=2)
 
 
-def sha256(data):
-    return hashlib.sha256(data).hexdigest()
-
-
-def test_a_shard_that_came_out_differently(four, other, tmp_path):
-    """A foreign table exists where one is to be published: it remains, and the run ends with 65."""
-    problems, times = [], 0
-    for shard in range(four.shards):
-        *tables, marker = four.files_of(shard)
-        for name in tables:
-            times += 1
-            out = four.copy(tmp_path / str(times), without=[*four.last_files(), marker])
-            foreign = other.whole[name]
-            (out / name).write_bytes(foreign)
-            before = faults.files(out)
-            ended = four.generate(out)
-            found = problems_of(ended, [DATA], "the second writer")
-            found += [] if faults.files(out) == before else ["something changed"]
-            told = [sha256(data) in ended.stderr for data in (foreign, four.whole[name])]
-            found += [] if all(told) else [f"the message lacks a hash: {ended.stderr}"]
-            (out / name).unlink()
-            problems += [f"{name}: {problem}" for problem in found + four.lost(out)]
-    record("a table of another seed where one is to be published: code 65, the first one kept", times, problems)
-
-
-def test_files_that_were_deleted_are_made_again(four, tmp_path):
+def test_files_that_were_deleted_are_made_again(four, tmp_path, factor):
     """Deletes one or several files of a complete dataset."""
     rng, problems = faults.dice("deleted"), []
     names = [name for name in four.whole if name != "meta/info.json"]
-    cases = [[name] for name in names] + [rng.sample(names, rng.randint(2, len(names))) for _ in range(10 * LONG)]
+    cases = [[name] for name in names[:: step_of(factor)]] + [rng.sample(names, rng.randint(2, len(names))) for _ in range(2 * factor)]
     for number, gone in enumerate(cases):
         out = four.copy(tmp_path / str(number), without=gone)
         ended = four.generate(out)
@@ -495,25 +470,6 @@ def test_files_that_were_deleted_are_made_again(four, tmp_path):
         problems += [f"without {gone}: {problem}" for problem in found]
         shutil.rmtree(out)
     record("files deleted from a whole dataset, the same command again", len(cases), problems)
-
-
-def test_damage_that_a_run_sees_is_mended(four, tmp_path):
-    """A run checks sizes and the seals of markers and manifest; `shards verify` checks bytes. A file that matches the
-    intact marker of a shard replaces one that does not."""
-    problems, times = [], 0
-    for name, data in four.whole.items():
-        flipped = bytes([data[0] ^ 1]) + data[1:] if data else b""
-        damaged = {".parquet": [data[:-1], data + b"x", b""], ".json": [data[:-1], flipped, b""]}
-        for case, bad in enumerate(damaged.get(Path(name).suffix, [])):
-            if name == "meta/info.json":
-                continue  # says what the dataset is: 78, tested above
-            times += 1
-            out = four.copy(tmp_path / str(times))
-            (out / name).write_bytes(bad)
-            found = problems_of(four.generate(out), [OK], "the next run") + four.difference(out)
-            problems += [f"{name}, damage {case}: {problem}" for problem in found]
-            shutil.rmtree(out)
-    record("tables of another size, broken markers and manifest, the same command again", times, problems)
 
 
 def zeroed(data, at, length):
@@ -526,18 +482,18 @@ def exchanged(data, one, two, length):
     return data[:one] + b + data[one + length : two] + a + data[two + length :]
 
 
-def damages(name, case, other, rng):
+def damages(name, case, other, rng, factor):
     """A file's bytes with many named kinds of damage."""
     data = case.whole[name]
     half, block = len(data) // 2, min(64, len(data) // 4)
-    for at in [0, len(data) - 1, *(rng.randrange(len(data)) for _ in range(4 * LONG))]:
+    for at in [0, len(data) - 1, *(rng.randrange(len(data)) for _ in range(factor))]:
         bit = 1 << rng.randrange(8)
         yield f"bit {bit} of byte {at} flipped", data[:at] + bytes([data[at] ^ bit]) + data[at + 1 :]
-    for length in [0, 1, half, len(data) - 1, *(rng.randrange(len(data)) for _ in range(LONG))]:
+    for length in [0, 1, half, len(data) - 1, *(rng.randrange(len(data)) for _ in range(factor))]:
         yield f"cut to {length} bytes", data[:length]
     for more in (b"\0", b"\n", b"PAR1", data[-8:], data):
         yield f"{len(more)} bytes appended", data + more
-    for _ in range(2 * LONG):
+    for _ in range(factor):
         at = rng.randrange(len(data) - block)
         yield f"{block} bytes at {at} zeroed", zeroed(data, at, block)
         one, two = rng.randrange(half - block), rng.randrange(half, len(data) - block)
@@ -549,15 +505,16 @@ def damages(name, case, other, rng):
     yield "gone", None
 
 
-def test_damage_is_found(four, other, tmp_path):
+def test_damage_is_found(four, other, tmp_path, factor):
     """`shards verify` finds every damage to every file that it reads, ends with the right code, and names the shard."""
     names = [name for name in four.whole if name not in (faults.CARD, "_SUCCESS")]
+    names = [name for name in names if factor > 1 or "0000" not in name or name in four.files_of(1)]
     gone = {"meta/manifest.json": INCOMPLETE, "meta/info.json": CONFIG}
 
     def check(name):
         rng, times, problems = faults.dice(f"damage {name}"), 0, []
         out = four.copy(tmp_path / name.replace("/", "-"))
-        for what, data in damages(name, four, other, rng):
+        for what, data in damages(name, four, other, rng, factor):
             if data == four.whole[name]:
                 continue  # two equal blocks exchanged
             times += 1
@@ -574,5 +531,5 @@ def test_damage_is_found(four, other, tmp_path):
 
     results = faults.side_by_side(check, names)
     times, problems = sum(n for n, _ in results), [problem for _, found in results for problem in found]
-    assert times >= 200
+    assert times >= (80 if factor == 1 else 200)
     record("damaged files: found by `shards verify`", times, problems, files=len(names))

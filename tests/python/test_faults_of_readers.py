@@ -1,16 +1,15 @@
 """Faults of readers: a failed read is never taken for success, and a killed training leaves nothing for ever."""
 
-import os
 import signal
 from pathlib import Path
 
 import pytest
+from programs import DATASET, ROOT
 
 import faults
-from faults import DATA, OK, ROOT, TRY_AGAIN, problems_of, record, run
+from faults import DATA, OK, TRY_AGAIN, problems_of, record, run
 
 needs_strace = pytest.mark.skipif(bool(faults.why_no_strace()), reason=faults.why_no_strace())
-DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
 TABLES = [str(path.relative_to(DATASET)) for path in sorted(DATASET.glob("*/shard-00000-of-*.parquet"))]
 RENAMES = "rename,renameat,renameat2"
 

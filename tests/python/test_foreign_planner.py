@@ -1,26 +1,24 @@
 """`graspmill experiment run --planner URL`: anyone's planner behind the contract of /predict, also one that misbehaves.
 
-    python -m pytest tests/python/test_foreign_planner.py   # GRASPMILL_PROGRAMS=path/to/programs, or target/debug
+    python -m pytest tests/python/test_foreign_planner.py
 
 The program is that of the package; the static one says so.
 """
 
 import base64
 import json
-import os
 import subprocess
 import sys
 import threading
 from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import program
 
 from planner_service import ROOT, running
 
-PROGRAMS = Path(os.environ.get("GRASPMILL_PROGRAMS", ROOT / "target" / "debug")).resolve()
 GONE, BROKEN = object(), object()
 DOWN = {"translation": [0, 0, 0], "rotation_matrix": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], "score": 0.5, "gripper_width": None}
 
@@ -70,10 +68,10 @@ def planner(answer, config=None):
         server.server_close()
 
 
-def run(out, *args, rounds=1, code=0, program=(sys.executable, "-m", "graspmill")):
+def run(out, *args, rounds=1, code=0, by=(sys.executable, "-m", "graspmill")):
     config = ROOT / "configs" / "experiment" / "giga-pile.toml"
     common = ("--rounds", str(rounds), "--seed", "31", "--threads", "1", "--set", "objects.count=2", "--set", "noise.kind=d435")
-    command = [*program, "experiment", "run", config, *common, *args, "--out", out]
+    command = [*by, "experiment", "run", config, *common, *args, "--out", out]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300)
     assert done.returncode == code, done.stderr
     return done
@@ -122,9 +120,8 @@ def test_a_planner_is_told_each_object_and_the_rest(tmp_path):
     assert attempt["quality"] == 0.5 and attempt["planned_count"] == 2
 
 
-@pytest.mark.parametrize(
-    ("answer", "why"),
-    [
+def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path):
+    answers = [
         ((500, b'{"detail": {"error": "internal_error"}}'), "status 500: {"),
         (b"nonsense", "an answer must be the contract's"),
         (b'{"grasps": 7}', "an answer must be the contract's"),
@@ -139,15 +136,13 @@ def test_a_planner_is_told_each_object_and_the_rest(tmp_path):
         ((307, b"elsewhere"), "status 307: elsewhere"),
         (BROKEN, "IncompleteRead"),
         (None, "no answer in time"),
-    ],
-)
-def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path, answer, why):
-    with planner(lambda _: answer, {"fingertip_depth": 0.1}) as (url, _):
-        run(tmp_path / "run", "--planner", url, "--planner-timeout-s", "1", rounds=2)
-    played = rounds_of(tmp_path / "run")
-    assert [round["ending"] for round in played] == ["no_answer"] * 2
-    assert all(why in round["no_answer"] for round in played), played
-    assert "2 of 2 rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.html").read_text()
+    ]
+    given = iter(answers)
+    with planner(lambda _: next(given)[0], {"fingertip_depth": 0.1}) as (url, _):
+        run(tmp_path / "run", "--planner", url, "--planner-timeout-s", "1", rounds=len(answers))
+    for round, (answer, why) in zip(rounds_of(tmp_path / "run"), answers, strict=True):
+        assert round["ending"] == "no_answer" and why in round["no_answer"], (answer, round)
+    assert f"{len(answers)} of {len(answers)} rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.html").read_text()
 
 
 def test_a_planner_that_says_a_byte_now_and_then_is_too_late(tmp_path):
@@ -184,7 +179,7 @@ def test_a_run_whose_planner_is_gone_ends_and_goes_on_when_it_is_back(tmp_path):
 
 
 def test_the_static_program_says_who_asks(tmp_path):
-    said = run(tmp_path / "run", "--planner", "http://127.0.0.1:1/predict", code=2, program=[PROGRAMS / "graspmill"]).stderr
+    said = run(tmp_path / "run", "--planner", "http://127.0.0.1:1/predict", code=2, by=[program("graspmill")]).stderr
     assert "the program of the Python package asks" in said
 
 

@@ -1,26 +1,21 @@
 """Opens the output of `trainer export` in onnxruntime, safetensors and, if installed, PyTorch.
 
-    python -m pytest tests/python/test_interchange.py      # GRASPMILL_TRAINER=path/to/trainer, or target/debug/trainer
+    python -m pytest tests/python/test_interchange.py
 
 Weights, grids and expected outputs come from lab/golden_torch.py, so PyTorch's values are known without PyTorch.
 """
 
-import os
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import onnxruntime
 import pytest
+from programs import ROOT, program
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "lab"))
 from golden_formula import LAYERS, noise  # noqa: E402
 
-TRAINER = Path(os.environ.get("GRASPMILL_TRAINER", ROOT / "target" / "debug" / "trainer")).resolve()
 GOLDEN = ROOT / "trainer" / "tests" / "golden"
 MODES = ["linear", "nearest"]
 OUTPUTS = {"quality": 1, "rotation": 4, "width": 1}
@@ -43,7 +38,7 @@ def grids():
 
 
 def trainer(*args):
-    done = subprocess.run([str(word) for word in (TRAINER, *args)], capture_output=True, text=True, check=False)
+    done = subprocess.run([str(word) for word in (program("trainer"), *args)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{args}: {done.returncode}: {done.stderr}"
     return done.stdout
 
@@ -51,8 +46,6 @@ def trainer(*args):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Golden weights, imported and exported both ways in both modes."""
-    if not TRAINER.exists():
-        pytest.fail(f"no trainer at {TRAINER}: cargo build, or set GRASPMILL_TRAINER")
     place = tmp_path_factory.mktemp("interchange")
     save_file(weights(), place / "weights.safetensors")
     for mode in MODES:

@@ -4,19 +4,15 @@
 """
 
 import json
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import PROGRAMS, ROOT
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
 from judge_onnx import OUTCOMES, Judge, hands_of  # noqa: E402
 
-PROGRAMS = Path(os.environ.get("GRASPMILL_TRAINER", ROOT / "target" / "debug" / "trainer")).resolve().parent
 # A TSDF does not say from how many views it was made; the planner then assumes six.
 VIEWS = 6
 

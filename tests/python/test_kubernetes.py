@@ -11,19 +11,15 @@ import json
 import os
 import re
 import shutil
-import signal
 import subprocess
-import time
 import tomllib
-from pathlib import Path
 
 import kubernetes_validate
 import pytest
+from programs import PROGRAMS, ROOT, files
 import yaml
 from kubernetes_validate.utils import all_versions
 
-ROOT = Path(__file__).parents[2]
-PROGRAMS = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "debug"
 CLUSTER = ROOT / "scripts/cluster"
 SHARDS, ATTEMPTS = 6, 720
 END_S = 120  # the generator's time to end
@@ -301,35 +297,10 @@ def run_pod(out, index):
     return generator(*pod_command(out), env={"JOB_COMPLETION_INDEX": str(index)})
 
 
-def kill_pod(out, index):
-    """Starts a pod and kills it when the dataset has begun; returns whether its shard was not made yet."""
-    command = [PROGRAMS / "generator", *pod_command(out)]
-    process = subprocess.Popen(command, env={"JOB_COMPLETION_INDEX": str(index)}, stdout=subprocess.DEVNULL)
-    until = time.monotonic() + END_S
-    while not (out / "meta/info.json").exists() and time.monotonic() < until:
-        time.sleep(0.002)
-    process.kill()
-    return process.wait() == -signal.SIGKILL and not (out / f"meta/shards/{index:05}.json").exists()
-
-
-def kill_pod_in_time(out, index):
-    """On a busy machine the kill may come after the shard is made; then tries again from the start."""
-    for _ in range(10):
-        if kill_pod(out, index):
-            return
-        shutil.rmtree(out)
-    pytest.fail("ten times the shard was made before it could be killed")
-
-
-def files(folder):
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 def test_pods_make_the_dataset_that_one_process_makes(tmp_path):
     alone, pods = tmp_path / "alone", tmp_path / "pods"
     assert generator(*pod_command(alone), env={}).returncode == CODES["Ok"]
     assert generator("missing", pods).returncode == CODES["Config"]
-    kill_pod_in_time(pods, 3)
     for index in (4, 1, 5, 1, 0):
         ended = run_pod(pods, index)
         assert ended.returncode == CODES["Ok"], ended.stderr

@@ -1,7 +1,6 @@
 """The cross-check of datasets whose objects are models from meta/info.json, with the same bodies in both engines."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +8,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from attempts import DOWN, GRIPPER, PROCEDURE, TABLE, UPRIGHT
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 
 from crosscheck import dataset, engines
 from crosscheck.attempt import Runner

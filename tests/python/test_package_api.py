@@ -42,8 +42,32 @@ cleared = graspmill.experiment("runs/none", planner=lambda look: (look.failed, [
 """
 
 
-def test_a_script_with_every_option_passes_the_type_checker_and_a_wrong_one_does_not(tmp_path):
+@pytest.fixture(scope="module")
+def mypy(tmp_path_factory):
+    """Runs mypy; what it found out about NumPy is kept from one run to the next. PyTorch takes it minutes to read."""
     pytest.importorskip("mypy")
+    cache = tmp_path_factory.mktemp("mypy")
+    (cache / "mypy.ini").write_text("[mypy]\n[mypy-torch.*]\nfollow_imports = skip\nfollow_imports_for_stubs = True\n")
+    without = ["--config-file", cache / "mypy.ini", "--allow-subclassing-any", "--no-warn-unused-ignores", "--no-warn-return-any"]
+
+    def check(*words, has_torch=False, cwd="/"):
+        command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", cache, *([] if has_torch else without), *words]
+        return subprocess.run(command, capture_output=True, text=True, cwd=cwd)
+
+    return check
+
+
+def test_types_hold_and_the_stubs_are_those_of_the_module(mypy, factor):
+    if factor > 1:
+        pytest.importorskip("torch")  # graspmill.torch is checked with its types, too
+    checked = mypy("-p", "graspmill", has_torch=factor > 1)
+    assert checked.returncode == 0, checked.stdout
+    words = [sys.executable, "-m", "mypy.stubtest", "graspmill._native", "--ignore-disjoint-bases"]
+    checked = subprocess.run(words, capture_output=True, text=True, cwd="/")
+    assert checked.returncode == 0, checked.stdout
+
+
+def test_a_script_with_every_option_passes_the_type_checker_and_a_wrong_one_does_not(tmp_path, mypy):
     assert all(f"{name}=" in EVERY_OPTION for name in graspmill.PlanOptions.__annotations__)
 
     scripts = {
@@ -53,8 +77,7 @@ def test_a_script_with_every_option_passes_the_type_checker_and_a_wrong_one_does
     }
     for name, text in scripts.items():
         (tmp_path / name).write_text(text)
-    words = [sys.executable, "-m", "mypy", "--strict", "--no-incremental", *scripts]
-    checked = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    checked = mypy(*scripts, cwd=tmp_path)
     problems = {name: [line for line in checked.stdout.splitlines() if line.startswith(name)] for name in scripts}
     assert problems["right.py"] == [] and checked.returncode == 1, checked.stdout
     assert 'unexpected keyword argument "grasp_max"' in "".join(problems["wrong_name.py"]).lower()
@@ -111,21 +134,6 @@ def test_cameras_by_matrix_and_translation():
             graspmill.Camera.from_K(other, (480, 640), (0, 0, 0))
     with pytest.raises(graspmill.InputError, match="shape must be"):
         graspmill.Camera.from_K(matrix, 480, (0, 0, 0))
-
-
-def test_names_of_earlier_versions_warn_and_work(tmp_path):
-    with pytest.warns(DeprecationWarning, match="look_at"):
-        camera = graspmill.Camera.looking((0.15, -0.2, 0.5), focal_px=500.0)
-    assert camera.fx_px == 500.0
-    with pytest.warns(DeprecationWarning, match="GraspmillError"):
-        assert graspmill.Error is graspmill.GraspmillError
-    for old, new in (("HandCrops", graspmill.GraspCrops), ("hand_crops", graspmill.grasp_crops)):
-        with pytest.warns(DeprecationWarning, match=f"graspmill.{old} is now graspmill.{new.__name__}"):
-            assert getattr(graspmill, old) is new
-    with pytest.warns(DeprecationWarning, match="generate"):
-        assert len(graspmill.generate(None, tmp_path / "ds", shards=1, attempts=60, seed=2)) == 1
-    with pytest.raises(AttributeError):
-        graspmill.Nothing
 
 
 def again(value):

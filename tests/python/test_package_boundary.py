@@ -62,7 +62,8 @@ def test_an_image_without_memory_for_it_is_an_error_and_the_process_goes_on():
     assert re.fullmatch(r"(?:OutsideError out of memory: \d+ bytes could not be allocated\nfinally \(480, 640\)\n){2}", out), out
 
 
-def test_no_call_ends_the_process_where_memory_ends(tmp_path):
+def test_no_call_ends_the_process_where_memory_ends(tmp_path, factor):
+    limits = (0, 100, 400) if factor == 1 else (0, 70, 100, 150, 200, 300, 400, 500)
     # Without regions that its allocator keeps in advance, which would lie below every limit.
     out = told(
         f"""
@@ -99,7 +100,7 @@ def test_no_call_ends_the_process_where_memory_ends(tmp_path):
         )
         ended = {{}}
         for name, call in calls.items():
-            for more_mb in (0, 70, 100, 150, 200, 300, 400, 500):
+            for more_mb in {limits}:
                 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
                 print(name, more_mb, end=": ", flush=True)
                 resource.setrlimit(resource.RLIMIT_AS, (used + (more_mb << 20), resource.RLIM_INFINITY))
@@ -117,7 +118,7 @@ def test_no_call_ends_the_process_where_memory_ends(tmp_path):
     )
     ends = re.findall(r"^\w+ (\d+): (\w+)$", out, re.M)
     assert {how for _, how in ends} <= {"done", "MemoryError", "OutsideError"}, out
-    assert [how for _, how in ends].count("done") > 20, out
+    assert [how for _, how in ends].count("done") > 10, out
 
 
 def test_a_function_may_wait_for_another_thread_on_one_processor():
@@ -175,7 +176,7 @@ os._exit(0)
 """
     process = started(code)
     assert process.stdout.readline() == "begun\n"
-    time.sleep(1.0)
+    time.sleep(0.3)  # so that it is in the midst of its work
     process.send_signal(signal.SIGINT)
     begun = time.monotonic()
     try:
@@ -207,7 +208,7 @@ ready.wait()
 time.sleep(float(sys.argv[1]))
 """
     words = [sys.executable, "-c", SCENE + code]
-    for number in range(12):
+    for number in range(0, 12, 3):
         done = subprocess.run([*words, str(0.013 * number)], capture_output=True, timeout=120)
         assert done.returncode == 0 and done.stderr == b"", (number, done)
 

@@ -12,11 +12,10 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from programs import program
+from programs import DATASET, ROOT, program
 
 playwright = pytest.importorskip("playwright.sync_api")
 
-ROOT = Path(__file__).parents[2]
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 # Disables Chromium's own requests, which would be counted.
 QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
@@ -40,10 +39,7 @@ def held(data: Path) -> str:
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Every kind of page, made as a user makes it."""
     folder = tmp_path_factory.mktemp("pages")
-    data = os.environ.get("GRASPMILL_DATASET")
-    if not data:
-        pytest.skip("GRASPMILL_DATASET must name a dataset")
-    data = Path(data).resolve()
+    data = DATASET
     made = {name: folder / f"{name}.html" for name in PAGES}
     run(program("shards"), "report", data, "--html", made["report"])
     run(program("shards"), "view", data, "--scene", 1, "--out", made["view"])
@@ -53,7 +49,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     made["index"], made["scene"] = browsed / "index.html", browsed / f"scene-{shown[0]}.html"
     made["scene-replay"] = made["scene"]
     experiments = program("experiments")
-    run(experiments, "run", "configs/experiment/pile.toml", "--rounds", 2, "--out", folder / "pile")
+    run(experiments, "run", "configs/experiment/pile.toml", "--rounds", 1, "--set", "objects.count=2", "--out", folder / "pile")
     run(experiments, "report", folder / "pile", "--html", made["experiment"])
     return made
 
@@ -77,7 +73,7 @@ def is_own(url: str, path: Path) -> bool:
 def opened(browser, pages: dict[str, Path], name: str, screen: str = "desktop", scheme: str = "light"):
     """The page, with the messages and requests while it was opened."""
     path = pages[name]
-    replay = f"#attempt={held(Path(os.environ['GRASPMILL_DATASET'])).split('/')[1]}" if name == "scene-replay" else ""
+    replay = f"#attempt={held(DATASET).split('/')[1]}" if name == "scene-replay" else ""
     width, height = SCREENS[screen]
     context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=screen == "phone")
     page = context.new_page()
@@ -152,7 +148,7 @@ def test_words_in_figures_can_be_read_on_a_phone(browser, pages) -> None:
 
 def test_the_report_shows_what_the_json_says(browser, pages) -> None:
     page, _ = opened(browser, pages, "report")
-    data = os.environ["GRASPMILL_DATASET"]
+    data = DATASET
     told = subprocess.run([program("shards"), "report", data, "--json"], check=True, capture_output=True, text=True).stdout
     report = json.loads(told)
     cells = page.evaluate("[...document.querySelectorAll('tr')].map(row => [...row.children].map(cell => cell.innerText.trim()))")
@@ -239,7 +235,7 @@ def test_a_click_on_a_grasp_opens_its_replay(browser, pages) -> None:
 
 
 def test_every_attempt_of_every_scene_is_replayed_from_the_file_of_its_scene(browser, pages, tmp_path) -> None:
-    data = Path(os.environ["GRASPMILL_DATASET"]).resolve()
+    data = DATASET
     run(program("shards"), "browse", data, "--out", tmp_path / "all")
     rows = pq.read_table(data / "attempts", columns=["scene_id", "attempt_id", "outcome"]).to_pylist()
     scenes = {row["scene_id"] for row in rows}
@@ -281,7 +277,7 @@ def test_a_replay_in_a_folder_moves_as_the_replay_of_a_single_file(browser, page
 def test_depth_images_show_what_the_generator_renders(browser, pages) -> None:
     """The page casts its own rays: its depths must be those of the package, but for half a pixel at edges."""
     graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
-    data = Path(os.environ["GRASPMILL_DATASET"]).resolve()
+    data = DATASET
     page, _ = opened(browser, pages, "scene")
     page.wait_for_timeout(500)
     scene = int(re.search(r"scene-(\d+)", pages["scene"].name).group(1))

@@ -1,9 +1,9 @@
 """Hostile and faulty clients of `planner serve`.
 
-    python -m pytest tests/python/test_planner_attacks.py   # GRASPMILL_PLANNER=path/to/planner, or target/debug/planner
+    python -m pytest tests/python/test_planner_attacks.py
 
 Each kind of malformed request is a function that returns the bytes of a body and whether it must be refused. A body with a
-random difference from a valid one (a flipped bit) may also be accepted.
+random difference from a valid one (a flipped bit) may also be accepted. `planner/src/input` tests each kind of wrong request.
 """
 
 import json
@@ -84,14 +84,6 @@ def wrong_type(chance):
     return json.dumps(changed(request, at, value)).encode(), True
 
 
-def odd_number(chance):
-    request = {"views": [seen()]}
-    numbers = [at for at in places(request) if at[-1] in ("fx_px", "fy_px") or at[-2:-1] == ("quaternion_xyzw",)]
-    number = chance.choice(["1e999", "-1e999", "NaN", "Infinity", "-1e308", "9" * 400, "1e308", "0x1", "1.", "+1", "-"])
-    text = json.dumps(changed(request, chance.choice(numbers), "@@"))
-    return text.replace('"@@"', number).encode(), True
-
-
 def deep(chance):
     opening, depth = chance.choice(["[", '{"views":', '[{"a":']), chance.choice([100, 10_000, 500_000])
     return opening.encode() * depth, True
@@ -104,17 +96,6 @@ def deep_inside(chance):
     return text.replace('"@@"', "[" * depth + "]" * depth).encode(), True
 
 
-def junk_image(chance):
-    junk = "".join(chr(chance.randrange(32, 127)) for _ in range(chance.randrange(300)))
-    return json.dumps({"views": [seen() | {"depth": {"data": junk}}]}).encode(), True
-
-
-def cut_image(chance):
-    whole = image_bytes(chance)
-    cut = file_of(whole[: chance.randrange(len(whole) * 9 // 10)])
-    return json.dumps({"views": [seen() | {"depth": cut}]}).encode(), True
-
-
 def flipped_image(chance):
     data = bytearray(image_bytes(chance))
     for _ in range(chance.randrange(1, 8)):
@@ -122,26 +103,11 @@ def flipped_image(chance):
     return json.dumps({"views": [seen() | {"depth": file_of(bytes(data))}]}).encode(), False
 
 
-def cut_cloud(chance):
-    whole = cloud_bytes(chance)
-    cut = file_of(whole[: chance.randrange(len(whole) * 9 // 10)])
-    return json.dumps({"cloud": cut}).encode(), True
-
-
 def flipped_cloud(chance):
     data = bytearray(cloud_bytes(chance))
     for _ in range(chance.randrange(1, 8)):
         data[chance.randrange(min(len(data), 200))] = chance.randrange(256)
     return json.dumps({"cloud": file_of(bytes(data))}).encode(), False
-
-
-def wrong_shape(chance):
-    shape = chance.choice([(0, 5), (5, 0), (7,), (2, 3, 4), (1, 1, 1, 1), (5000, 2), ()])
-    key, value = chance.choice([("depth", "view"), ("cloud", None), ("tsdf", None)])
-    data = file_of(npy(np.full(shape, 0.5, np.float32)))
-    request = {"views": [seen() | {key: data}]} if value else {key: data}
-    is_cloud = key == "cloud" and shape in [(0, 5), (2, 3, 4)]
-    return json.dumps(request).encode(), not is_cloud
 
 
 def absurd_depth(chance):
@@ -162,65 +128,7 @@ def huge_promise(chance):
     return json.dumps({"views": [seen() | {"depth": file_of(chance.choice([image, array]))}]}).encode(), True
 
 
-def not_rigid(chance):
-    columns = np.eye(4)
-    kind = chance.randrange(5)
-    if kind == 0:
-        columns[0, 0] = -1.0  # a reflection
-    elif kind == 1:
-        columns[:3, :3] *= chance.uniform(1.01, 100.0)
-    elif kind == 2:
-        columns[0, 1] = chance.uniform(0.1, 5.0)  # a shear
-    elif kind == 3:
-        columns[3] = [0.0, 0.0, chance.uniform(0.1, 1.0), 1.0]
-    else:
-        columns[:3, :3] = 0.0
-    return json.dumps({"views": [seen() | {"workspace_from_camera": columns.tolist()}]}).encode(), True
-
-
-def no_unit_quaternion(chance):
-    quaternion = chance.choice([[0, 0, 0, 0], [1, 1, 1, 1], [1, 0, 0], []])
-    pose = {"position_m": [0.0, 0.0, 0.5], "quaternion_xyzw": quaternion}
-    return json.dumps({"views": [seen() | {"workspace_from_camera": pose}]}).encode(), True
-
-
-def bad_lens(chance):
-    lens = dict(seen()["intrinsics"])
-    if chance.random() < 0.5:
-        lens[chance.choice(["fx_px", "fy_px"])] = chance.choice([0.0, -80.0, 1e30, -1e-30])
-    else:
-        lens |= {"width_px": chance.choice([63, 0, -1, 1.5, 2**40])}
-    return json.dumps({"views": [seen() | {"intrinsics": lens}]}).encode(), True
-
-
-def unknown_or_missing_key(chance):
-    request = {"views": [seen()]}
-    at = chance.choice([at for at in places(request) if isinstance(at[-1], str)])
-    inner = request
-    for key in at[:-1]:
-        inner = inner[key]
-    if chance.random() < 0.5:
-        del inner[at[-1]]
-    else:
-        inner["".join(chance.choices("abcdefghij_", k=12))] = 1
-    return json.dumps(request).encode(), True
-
-
-def wrong_number_of_views(chance):
-    return json.dumps({"views": [seen(width=4, height=4)] * chance.choice([0, 33, 100])}).encode(), True
-
-
-def several_sources(chance):
-    second = chance.choice(["cloud", "tsdf"])
-    request = {"views": [seen()], second: file_of(npy(np.zeros((5, 3), np.float32)))}
-    return json.dumps(request).encode(), True
-
-
-BODIES = [
-    random_bytes, cut_json, flipped_json, wrong_type, odd_number, deep, deep_inside, junk_image, cut_image,
-    flipped_image, cut_cloud, flipped_cloud, wrong_shape, absurd_depth, huge_promise, not_rigid,
-    no_unit_quaternion, bad_lens, unknown_or_missing_key, wrong_number_of_views, several_sources,
-]  # fmt: skip
+BODIES = [random_bytes, cut_json, flipped_json, wrong_type, deep, deep_inside, flipped_image, flipped_cloud, absurd_depth, huge_promise]
 
 
 def broken_http(chance):
@@ -307,14 +215,14 @@ def slow_heads(service, count):
             stream.close()
 
 
-def test_a_thousand_malformed_requests_and_it_plans_as_before(service):
+def test_malformed_requests_and_it_plans_as_before(service, factor):
     good = demo_request()
     before = service.plan(good)[2]
     assert json.loads(before)["grasps"]
     chance = random.Random(7)
     statuses = Counter()
     with slow_heads(service, 20):
-        for number in range(800):
+        for number in range(80 * factor):
             way = BODIES[number % len(BODIES)]
             body, must_be_refused = way(chance)
             status, headers, told = service.plan(body)
@@ -325,9 +233,9 @@ def test_a_thousand_malformed_requests_and_it_plans_as_before(service):
             else:
                 assert status in (400, 422), (way.__name__, status, told[:300])
                 check_error(status, headers, told)
-        for _ in range(120):
+        for _ in range(20 * factor):
             statuses[f"raw {check_raw(service.raw(broken_http(chance)))}"] += 1
-        for _ in range(80):
+        for _ in range(8 * factor):
             leave_early(service, chance)
         with ThreadPoolExecutor(50) as pool:
             bodies = [chance.choice(BODIES)(chance)[0] for _ in range(50)]
@@ -337,7 +245,7 @@ def test_a_thousand_malformed_requests_and_it_plans_as_before(service):
                     check_error(status, headers, told)
     print(f"answers: {dict(statuses)}; VmHWM {service.memory_kb('VmHWM')} kB, VmRSS {service.memory_kb('VmRSS')} kB")
     # Some requests must be answered and some refused.
-    assert statuses[422] > 200 and statuses[400] > 50, statuses
+    assert statuses[422] > 20 * factor and statuses[400] > 5 * factor, statuses
     assert service.process.poll() is None, service.log.read_text()[-3000:]
     assert service.plan(good)[2] == before
     assert service.memory_kb("VmHWM") < 2_000_000

@@ -1,6 +1,6 @@
 """`POST /predict` with a client written from the contract of GraspGen-X's and DexGraspNet 2's servers (version 0.1.0).
 
-    python -m pytest tests/python/test_predict.py   # GRASPMILL_PLANNER=path/to/planner, or target/debug/planner
+    python -m pytest tests/python/test_predict.py
 """
 
 import base64

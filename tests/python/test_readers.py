@@ -20,14 +20,12 @@ import pyarrow as pa
 import pyarrow.dataset as pads
 import pyarrow.parquet as pq
 import pytest
+from programs import DATASET
 from huggingface_hub import DatasetCard
 
 TABLES = ["attempts", "scenes", "objects"]
 SNIPPETS = Path(__file__).parents[2] / "docs" / "reading.md"
 
-if "GRASPMILL_DATASET" not in os.environ:
-    pytest.exit("set GRASPMILL_DATASET to the folder of a dataset", returncode=4)
-DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
 INFO = json.loads((DATASET / "meta/info.json").read_text())
 MANIFEST = json.loads((DATASET / "meta/manifest.json").read_text())
 TOTALS = MANIFEST["totals"]
@@ -158,12 +156,12 @@ def test_the_hub_reads_the_cards_metadata():
     assert [config["config_name"] for config in data.configs] == TABLES
 
 
-def snippets(page):
-    """A page's Python, with the dataset of these tests: what needs PyTorch, and the rest."""
+def snippets(page, dataset=DATASET):
+    """A page's Python, with a dataset of these tests: what needs PyTorch, and the rest."""
     blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
     with_torch = [block for block in blocks if "import torch" in block]
     code = "\n".join(block for block in blocks if block not in with_torch)
-    code, count = re.subn(r'^dataset = ".*"$', f"dataset = {str(DATASET)!r}", code, flags=re.MULTILINE)
+    code, count = re.subn(r'^dataset = ".*"$', f"dataset = {str(dataset)!r}", code, flags=re.MULTILINE)
     assert count == 1, "the page names its dataset once"
     return code, "\n".join(with_torch)
 
@@ -212,7 +210,9 @@ def check_samples(names):
 
 def test_the_snippet_for_pytorch_works(tmp_path, monkeypatch, capsys):
     pytest.importorskip("torch", reason="PyTorch is not installed, its packages take 3 GB: scripts/requirements-golden.txt has it")
+    graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
     monkeypatch.setattr(datasets.config, "HF_DATASETS_CACHE", tmp_path)
-    exec(compile("\n".join(snippets(SNIPPETS)), str(SNIPPETS), "exec"), {"__name__": "snippets"})
+    graspmill.generate(tmp_path / "ds", shards=1, attempts=240, seed=2)
+    exec(compile("\n".join(snippets(SNIPPETS, tmp_path / "ds")), str(SNIPPETS), "exec"), {"__name__": "snippets"})
     loss = capsys.readouterr().out.rsplit("loss of the last batch: ", 1)[1]
     assert 0.0 < float(loss) < 10.0

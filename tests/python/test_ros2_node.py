@@ -1,6 +1,6 @@
 """The ROS 2 package, with stubs of the ROS modules that it imports.
 
-    python -m pytest tests/python/test_ros2_node.py   # GRASPMILL_PLANNER=path/to/planner, or target/debug/planner
+    python -m pytest tests/python/test_ros2_node.py
 """
 
 import importlib

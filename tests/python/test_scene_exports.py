@@ -15,8 +15,6 @@ import pytest
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
-
 from crosscheck import dataset as reading
 from crosscheck.pose import rotation_of
 

@@ -16,21 +16,16 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from programs import DATASET, PROGRAMS, ROOT, files
 import slurm
 
-ROOT = Path(__file__).parents[2]
-PROGRAMS = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve() / "debug"
-DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
 SEED = int(os.environ.get("GRASPMILL_CHAOS_SEED", random.randrange(1_000_000)))
 SCRIPTS = ROOT / "scripts/cluster"
 DEMO = ROOT / "configs/generate/demo.toml"
 QUICK = ROOT / "configs/train/quick.toml"
 
 SHARDS = 16
-ATTEMPTS = SHARDS * 1_200  # a shard in one to four seconds of a core
-KILLS = 20  # processes killed
-STOPS = 4  # processes asked to stop
-LOSSES = 4  # nodes lost
+SHARD = 1_200  # attempts of a shard, which takes one to four seconds of a core
 SILENT_S = (6, 12)  # how long; after 5 Slurm starts their tasks elsewhere
 CHAOS_S = 240  # all rounds
 ROUND_S = 40  # tasks that are not over by then are left to the next round
@@ -68,10 +63,6 @@ def train(cluster, folder, *options, **settings):
     return cluster.submit(*script, cwd=folder, **{"DATA": DATASET, "CONFIG": QUICK, "RUN": folder / "run", **settings})
 
 
-def files(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 def assert_same(made, wanted):
     made, wanted = files(made), files(wanted)
     assert sorted(made) == sorted(wanted)
@@ -100,18 +91,19 @@ SUSPENDED = "T"
 class Chaos:
     """Injects a series of faults into a cluster."""
 
-    def __init__(self, cluster, work_s):
-        """Faults are distributed over about the undisturbed run time."""
+    def __init__(self, cluster, work_s, kills, stops, losses):
+        """Processes killed or asked to stop, and nodes lost, over about the undisturbed run time."""
         self.cluster = cluster
         self.dice = random.Random(SEED)
-        self.left = ["kill"] * KILLS + ["stop"] * STOPS + ["lose"] * LOSSES
+        self.left = ["kill"] * kills + ["stop"] * stops + ["lose"] * losses
+        self.kills = kills
         self.dice.shuffle(self.left)
         self.every_s = work_s / len(self.left)
         self.dealt = Counter()
         self.lost = {}  # nodes, and when their tasks go on
 
     def was_enough(self):
-        return self.dealt["kill"] >= 10 and self.dealt["wake"] >= 1
+        return 2 * self.dealt["kill"] >= self.kills and self.dealt["wake"] >= 1
 
     def run(self, job):
         """Injects faults until the job is over; cancels what Slurm has not finished in time."""
@@ -171,22 +163,23 @@ class Chaos:
         return not self.lost
 
 
-def test_a_dataset_outlives_the_loss_of_processes_and_nodes(tmp_path):
+def test_a_dataset_outlives_the_loss_of_processes_and_nodes(tmp_path, factor):
     print(f"\nGRASPMILL_CHAOS_SEED={SEED}")
-    outs, size = [], ["--attempts", ATTEMPTS]
+    shards, faults = (SHARDS, (20, 4, 4)) if factor > 1 else (SHARDS // 2, (4, 1, 1))
+    outs, size = [], ["--attempts", shards * SHARD]
     began = time.monotonic()
-    generate_at_once(tmp_path / "at_once", "--shards", SHARDS, *size)
+    generate_at_once(tmp_path / "at_once", "--shards", shards, *size)
     work_s = time.monotonic() - began
     rounds = 0
     with slurm.cluster(nodes=4, cpus=2) as cluster:
-        chaos = Chaos(cluster, work_s)
+        chaos = Chaos(cluster, work_s, *faults)
         # Where the machine is faster than it just was, a dataset is done before enough faults: then one more, with
         # faults at twice the rate.
         while not (chaos.was_enough() and rounds > len(outs)) and time.monotonic() < began + CHAOS_S:
             outs.append(tmp_path / f"grasps-{len(outs)}")
-            array = f"0-{SHARDS - 1}"
+            array = f"0-{shards - 1}"
             while array and time.monotonic() < began + CHAOS_S:
-                chaos.run(generate(cluster, outs[-1], array, SHARDS, *size))
+                chaos.run(generate(cluster, outs[-1], array, shards, *size))
                 array, rounds = missing(outs[-1]), rounds + 1
             chaos.every_s /= 2
         cluster.until(lambda: chaos.heal(float("inf")), PROGRAM_S, "lost tasks do not end")
@@ -196,7 +189,7 @@ def test_a_dataset_outlives_the_loss_of_processes_and_nodes(tmp_path):
     begun, made = starts(tmp_path), log_of(tmp_path).count("attempts/s")
     seconds = f"{time.monotonic() - began:.0f} s, undisturbed {work_s:.0f} s"
     print(f"{dict(chaos.dealt)}: {len(outs)} datasets, {begun} starts, {made} ends, {rounds} rounds, {seconds}")
-    assert chaos.was_enough() and begun > SHARDS * len(outs) and rounds > len(outs)
+    assert chaos.was_enough() and begun > shards * len(outs) and rounds > len(outs)
     for out in outs:
         assert run("generator", "gc", out).returncode == 0
         assert_same(out, tmp_path / "at_once")
@@ -237,7 +230,7 @@ def warn(cluster, job):
 
 def test_a_task_stops_before_its_time_limit_and_starts_again(tmp_path):
     with slurm.cluster(nodes=1, cpus=1) as cluster:
-        job = generate(cluster, tmp_path / "grasps", 0, 1, "--attempts", 60_000)
+        job = generate(cluster, tmp_path / "grasps", 0, 1, "--attempts", 20_000)
         cluster.until((tmp_path / "grasps/meta/info.json").exists, PROGRAM_S, "the generator does not begin")
         warn(cluster, f"{job}_0")
         cluster.until(lambda: starts(tmp_path, job) == 2, PROGRAM_S, "the task does not start again")

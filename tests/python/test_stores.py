@@ -19,14 +19,11 @@ import subprocess
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
+from programs import DATASET, PROGRAMS, ROOT, files
 from pyarrow import fs
 
-ROOT = Path(__file__).parents[2]
-PROGRAMS = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "debug"
-DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
 URL = "s3://grasps/sets/one"
 KEY, SECRET = "test", "testtest"
 START_S = 60  # the server's time to start
@@ -232,10 +229,6 @@ def objects(port, prefix):
     return {name: bytes for name, bytes in read.items() if name}
 
 
-def files(folder):
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 def test_what_is_generated_into_it_is_what_a_folder_gets(port):
     env, url = environment(port), "s3://grasps/made"
     ended = generate(url, env, "--shard-index", 1)
@@ -263,11 +256,11 @@ def test_writers_at_once_do_no_harm(port):
     assert objects(port, "grasps/crowd") == files(DATASET)
 
 
-def test_killed_writers_leave_nothing_that_the_next_one_minds(port):
+def test_killed_writers_leave_nothing_that_the_next_one_minds(port, factor):
     env, url, dice = environment(port), "s3://grasps/killed", random.Random(6)
     command = [PROGRAMS / "generator", *RECIPE, "--threads", 1, "--out", url]
     kills = 0
-    while kills < 8:
+    while kills < 2 * factor:
         writer = subprocess.Popen(list(map(str, command)), env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(dice.uniform(0, 1))
         writer.kill()
@@ -280,6 +273,7 @@ def test_killed_writers_leave_nothing_that_the_next_one_minds(port):
     assert objects(port, "grasps/killed") == files(DATASET)
 
 
+@pytest.mark.long
 def test_the_server_dies_while_it_is_written_and_read(tmp_path):
     """The server is killed twice: once it returns in time and the run continues; once it does not and the run ends with 75."""
     port, url = free_port(), "s3://grasps/made"

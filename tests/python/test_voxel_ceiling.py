@@ -1,14 +1,11 @@
 """lab/voxel_ceiling.py on tables with a known ceiling."""
 
-import sys
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "lab"))
 from voxel_ceiling import ceiling  # noqa: E402
 
 
