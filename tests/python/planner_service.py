@@ -7,14 +7,13 @@ import json
 import re
 import signal
 import socket
-import struct
 import subprocess
 import tomllib
-import zlib
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 from programs import PROGRAMS, ROOT
 
 PLANNER = PROGRAMS / "planner"
@@ -124,14 +123,9 @@ def npy(array):
 
 def png(array):
     """A grey PNG of 16 bits."""
-
-    def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    height, width = array.shape
-    rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in array)
-    head = struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+    file = io.BytesIO()
+    Image.fromarray(array.astype(np.uint16)).save(file, "PNG")
+    return file.getvalue()
 
 
 def seen(depth_m=None, width=64, height=48):

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import slurm
 import yaml
-from test_kubernetes import QUANTITY, VERSIONS, changed, container, job_problems, pod, schema_problems
+from test_kubernetes import VERSIONS, changed, container, job_problems, mounts_of, place_problems, pod, schema_problems, variables_of
 
 ROOT = Path(__file__).parents[2]
 CLUSTER = ROOT / "scripts/cluster"
@@ -65,34 +65,22 @@ def meeting_problems(service, job):
     return problems + [f"{flag} must be given" for flag in ("--out", "--resume") if flag not in flags]
 
 
-def place_problems(job):
-    """The pod may write where it must, and nowhere else."""
-    security = {**pod(job).get("securityContext", {}), **container(job).get("securityContext", {})}
-    wanted = {"runAsNonRoot": True, "readOnlyRootFilesystem": True, "allowPrivilegeEscalation": False}
-    problems = [f"{key} must be {value}" for key, value in wanted.items() if security.get(key) is not value]
-    volumes = {volume["name"]: volume for volume in pod(job)["volumes"]}
-    mounts = {one["mountPath"]: volumes.get(one["name"], {}) for one in container(job)["volumeMounts"]}
-    variables = {one["name"]: one.get("value") for one in container(job)["env"]}
-    for name in ("TMPDIR", "HOME"):
-        if "emptyDir" not in mounts.get(variables.get(name), {}):
-            problems.append(f"{name} must be an emptyDir that is mounted there")
-    if variables.get("TORCH_DISABLE_SHARE_RDZV_TCP_STORE") != "1":
+def run_problems(job):
+    """What training needs besides."""
+    mounts, problems = mounts_of(job), place_problems(job, ("TMPDIR", "HOME"))
+    if variables_of(job).get("TORCH_DISABLE_SHARE_RDZV_TCP_STORE") != "1":
         problems.append("TORCH_DISABLE_SHARE_RDZV_TCP_STORE must be 1: else old addresses are found")
     if mounts.get("/dev/shm", {}).get("emptyDir", {}).get("medium") != "Memory":
         problems.append("/dev/shm must be an emptyDir in memory: workers pass batches through it")
     run = next((Path(word.split("=")[1]) for word in container(job)["args"] if word.startswith("--out=")), Path())
     if "persistentVolumeClaim" not in mounts.get(str(run.parent), {}):
         problems.append(f"--out must lie in a volume that stays, got {run}")
-    if re.search(r":(?!latest$)[\w.-]+$", container(job)["image"]) is None:
-        problems.append(f"image must have a fixed tag, got {container(job)['image']}")
-    quantities = [size for kind in container(job)["resources"].values() for size in kind.values()]
-    quantities += [volume["emptyDir"]["sizeLimit"] for volume in volumes.values() if "emptyDir" in volume]
-    return problems + [f"{one} is no quantity" for one in quantities if not QUANTITY.fullmatch(str(one))]
+    return problems
 
 
 def problems(service, job, versions=VERSIONS):
     found = schema_problems(service, versions) + schema_problems(job, versions)
-    return found or job_problems(job) + meeting_problems(service, job) + place_problems(job)
+    return found or job_problems(job) + meeting_problems(service, job) + run_problems(job)
 
 
 def test_the_manifest_is_right():

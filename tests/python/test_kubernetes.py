@@ -121,29 +121,40 @@ def exit_code_problems(job):
     return problems
 
 
-def pod_problems(job):
+def place_problems(job, temporary=("TMPDIR",)):
+    """The pod may write where it must, and nowhere else; what it is called and how large it is can be read."""
     security = {**pod(job).get("securityContext", {}), **container(job).get("securityContext", {})}
-    problems = []
-    for key, value in [("runAsNonRoot", True), ("readOnlyRootFilesystem", True), ("allowPrivilegeEscalation", False)]:
-        if security.get(key) is not value:
-            problems.append(f"{key} must be {value}")
-    if security.get("runAsUser", 0) == 0:
-        problems.append("runAsUser must be a user, not root")
-    volumes = {volume["name"]: volume for volume in pod(job).get("volumes", [])}
-    mounts = {one["mountPath"]: volumes.get(one["name"], {}) for one in container(job).get("volumeMounts", [])}
-    variables = {one["name"]: one.get("value") for one in container(job).get("env", [])}
-    if "emptyDir" not in mounts.get(variables.get("TMPDIR"), {}):
-        problems.append("TMPDIR must be an emptyDir that is mounted there")
-    if pod(job).get("nodeSelector") != {"kubernetes.io/arch": "amd64"}:
-        problems.append("nodeSelector must keep shards on one kind of processor")
+    wanted = {"runAsNonRoot": True, "readOnlyRootFilesystem": True, "allowPrivilegeEscalation": False}
+    problems = [f"{key} must be {value}" for key, value in wanted.items() if security.get(key) is not value]
+    variables, folders = variables_of(job), mounts_of(job)
+    unmounted = [name for name in temporary if "emptyDir" not in folders.get(variables.get(name), {})]
+    problems += [f"{name} must be an emptyDir that is mounted there" for name in unmounted]
     if re.search(r":(?!latest$)[\w.-]+$", container(job)["image"]) is None:
         problems.append(f"image must have a fixed tag, got {container(job)['image']}")
-    sizes = container(job)["resources"]
+    quantities = [size for kind in container(job)["resources"].values() for size in kind.values()]
+    quantities += [volume.get("emptyDir", {}).get("sizeLimit", "1Gi") for volume in pod(job).get("volumes", [])]
+    return problems + [f"{one} is no quantity" for one in quantities if not QUANTITY.fullmatch(str(one))]
+
+
+def variables_of(job):
+    return {one["name"]: one.get("value") for one in container(job).get("env", [])}
+
+
+def mounts_of(job):
+    """What is mounted, by its folder."""
+    volumes = {volume["name"]: volume for volume in pod(job).get("volumes", [])}
+    return {one["mountPath"]: volumes.get(one["name"], {}) for one in container(job).get("volumeMounts", [])}
+
+
+def pod_problems(job):
+    problems, sizes = place_problems(job), container(job)["resources"]
+    if pod(job).get("securityContext", {}).get("runAsUser", 0) == 0:
+        problems.append("runAsUser must be a user, not root")
+    if pod(job).get("nodeSelector") != {"kubernetes.io/arch": "amd64"}:
+        problems.append("nodeSelector must keep shards on one kind of processor")
     if {"cpu", "memory"} - sizes.get("requests", {}).keys() or "memory" not in sizes.get("limits", {}):
         problems.append("resources must request cpu and memory, and limit memory")
-    quantities = [size for kind in sizes.values() for size in kind.values()]
-    quantities += [volume.get("emptyDir", {}).get("sizeLimit", "1Gi") for volume in volumes.values()]
-    return problems + [f"{one} is no quantity" for one in quantities if not QUANTITY.fullmatch(str(one))]
+    return problems
 
 
 def argument_problems(job):

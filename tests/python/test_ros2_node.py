@@ -6,15 +6,14 @@
 import importlib
 import json
 import socket
-import struct
 import sys
 import tomllib
 import types
-import zlib
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import ros_messages as ros
 from planner_service import DEMO, ROOT, file_of, npy, running
@@ -26,34 +25,12 @@ from graspmill_ros import planning, sensing  # noqa: E402
 POSE = {"position_m": [0.1, 0.2, 0.5], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
 
 
-def png_values(data):
-    """The values of a grey PNG of 16 bits."""
-    width, height = struct.unpack(">II", data[16:24])
-    packed, at = b"", 8
-    while at < len(data):
-        length, kind = struct.unpack(">I4s", data[at : at + 8])
-        packed += data[at + 8 : at + 8 + length] if kind == b"IDAT" else b""
-        at += 12 + length
-    lines = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(height, 1 + 2 * width)
-    above, rows = [0] * (2 * width), []
-    for line in lines:
-        how, row = line[0], line[1:].tolist()
-        for n, up in enumerate(above):
-            left, corner = (row[n - 2], above[n - 2]) if n >= 2 else (0, 0)
-            toward = left + up - corner
-            nearest = min((left, up, corner), key=lambda value: abs(toward - value))
-            row[n] = (row[n] + (0, left, up, (left + up) // 2, nearest)[how]) & 255
-        rows.append(bytes(row))
-        above = row
-    return np.frombuffer(b"".join(rows), ">u2").reshape(height, width)
-
-
 @pytest.fixture(scope="module")
 def one_demo_view():
     """The first view of the demo: depth in metres, lens, pose."""
     request = tomllib.loads((DEMO / "views.toml").read_text())
     view = request["views"][0]
-    depth_m = png_values((DEMO / view["depth"]).read_bytes()) * np.float32(view["depth_scale_m"])
+    depth_m = np.asarray(Image.open(DEMO / view["depth"])) * np.float32(view["depth_scale_m"])
     return depth_m.astype(np.float32), view.get("intrinsics", request.get("intrinsics")), view["workspace_from_camera"]
 
 
