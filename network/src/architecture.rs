@@ -126,6 +126,15 @@ pub enum Architecture {
     Judge(Box<Scope>),
 }
 
+impl Display for Architecture {
+    fn fmt(&self, to: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Voxel(params) => params.fmt(to),
+            Self::Judge(scope) => write!(to, "judge of    {}", scope.hand_in_words()),
+        }
+    }
+}
+
 impl Architecture {
     /// Its kind.
     #[must_use]

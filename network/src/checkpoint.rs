@@ -20,7 +20,6 @@ use crate::layers::{ParameterSlot, parameter_slots, vector_of};
 use crate::{Architecture, DenseNetwork, VoxelParams};
 
 use header::Stored;
-pub(crate) use header::{JUDGE, name_of};
 pub use progress::{Confusion, Progress};
 
 /// A network's parameters and their origin.

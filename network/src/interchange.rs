@@ -1,10 +1,8 @@
-//! Weights from and to other programs: safetensors in, safetensors and ONNX out.
+//! Weights from and to other programs, as safetensors.
 //!
 //! PyTorch's own files are pickles, which only PyTorch reads well; `graspmill.torch` reads them there and writes
-//! safetensors.
+//! safetensors. The Python package writes ONNX.
 
-mod onnx;
-mod protobuf;
 mod state_dict;
 
 use std::ffi::OsStr;
@@ -14,7 +12,6 @@ use std::path::Path;
 
 use program::{Context as _, ExitCode, Failure};
 use safetensors::SafeTensors;
-use settings::words;
 
 use crate::checkpoint::{self, Checkpoint, Progress};
 use crate::head::Head;
@@ -27,16 +24,6 @@ use state_dict::Parameters;
 const FILE_LEN_MAX: u64 = 64 << 20;
 /// Replaces a dataset's id, which is a SHA-256 and therefore never equal to this.
 pub const IMPORTED: &str = "unknown (imported weights)";
-
-words! {
-    /// The format of a file of weights to export.
-    pub enum Target {
-        /// The weights under VGN's names: a checkpoint without the optimiser's moments.
-        Safetensors = "safetensors",
-        /// The whole network, dense, with the sigmoid and the normalisation.
-        Onnx = "onnx",
-    }
-}
 
 /// Imported weights.
 #[derive(Debug, Clone)]
@@ -103,17 +90,15 @@ pub fn import(file: &Path, out: &Path, given: GivenParams, force: bool) -> Resul
     Ok(Imported { checkpoint, prefix, converted_from })
 }
 
-/// Writes a checkpoint's weights for other programs and returns the checkpoint. `force` replaces `out`.
+/// Writes a checkpoint without the optimiser's moments, whose weights have VGN's names, and returns it. `force`
+/// replaces `out`.
 ///
 /// # Errors
 /// If the file is no checkpoint or `out` cannot be written. Then nothing is written.
-pub fn export(file: &Path, out: &Path, target: Target, force: bool) -> Result<Checkpoint, Failure> {
+pub fn export(file: &Path, out: &Path, force: bool) -> Result<Checkpoint, Failure> {
     let checkpoint = Checkpoint { moments: None, ..checkpoint::read(file)? };
     prepare(out, force)?;
-    match target {
-        Target::Safetensors => checkpoint::save(&checkpoint, out)?,
-        Target::Onnx => program::write(out, onnx::model(&checkpoint))?,
-    }
+    checkpoint::save(&checkpoint, out)?;
     Ok(checkpoint)
 }
 

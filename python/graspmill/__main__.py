@@ -23,11 +23,12 @@ def main() -> int:
         return _export(sys.argv[3:])
     if sys.argv[1:3] in (["experiment", "run"], ["experiments", "run"]) and _asks_another(sys.argv[3:]):
         return _experiment(sys.argv[3:])
-    from graspmill import _annotate_command, _native
+    from graspmill import _annotate_command, _commands, _native
 
     if _annotate_command.is_ours(sys.argv[1:]):
         return _annotate_command.run(sys.argv[3:])
-    return _native.run_program(["graspmill", *sys.argv[1:]])
+    code = _commands.run(sys.argv[1:])
+    return code if code is not None else _native.run_program(["graspmill", *sys.argv[1:]])
 
 
 def _export(words: list[str]) -> int:

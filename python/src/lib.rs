@@ -38,7 +38,7 @@ mod _native {
     #[pymodule_export]
     use crate::plan::{KeptScene, Plan, Planner, Planning};
     #[pymodule_export]
-    use crate::programs::{publish, run_program};
+    use crate::programs::{checkpoint, publish, run_program};
     #[pymodule_export]
     use crate::scene::{Body, Scene, Simulation, execute, fuse};
     #[pymodule_export]

@@ -3,9 +3,11 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use program::Failure;
 use pyo3::prelude::*;
 
 use crate::detached::detached;
+use crate::fault::free;
 
 /// Runs `graspmill` as all of this process: `words` are its command line, its name first. The exit code.
 #[pyfunction]
@@ -17,4 +19,10 @@ pub(crate) fn run_program(py: Python<'_>, words: Vec<OsString>) -> u8 {
 #[pyfunction]
 pub(crate) fn publish(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<()> {
     Ok(detached(py, || program::publish(&path, text.as_bytes()))?)
+}
+
+/// The network of a checkpoint in words, if all of it is whole.
+#[pyfunction]
+pub(crate) fn checkpoint(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    free(py, || Ok::<_, Failure>(network::checkpoint::read(&path)?.architecture.to_string()))
 }

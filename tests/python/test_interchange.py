@@ -1,4 +1,4 @@
-"""Opens the output of `trainer export` in onnxruntime, safetensors and, if installed, PyTorch.
+"""Opens the output of `graspmill weights export` in onnxruntime, safetensors and, if installed, PyTorch.
 
     python -m pytest tests/python/test_interchange.py
 
@@ -6,16 +6,18 @@ Weights, grids and expected outputs come from lab/golden_torch.py, so PyTorch's 
 """
 
 import subprocess
+import sys
 
 import numpy as np
 import onnxruntime
 import pytest
-from programs import ROOT, program
+from programs import ROOT
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 from golden_formula import LAYERS, noise  # noqa: E402
 
+pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 GOLDEN = ROOT / "trainer" / "tests" / "golden"
 MODES = ["linear", "nearest"]
 OUTPUTS = {"quality": 1, "rotation": 4, "width": 1}
@@ -38,7 +40,8 @@ def grids():
 
 
 def trainer(*args):
-    done = subprocess.run([str(word) for word in (program("trainer"), *args)], capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "graspmill", "trainer", *args]
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{args}: {done.returncode}: {done.stderr}"
     return done.stdout
 
@@ -88,6 +91,21 @@ def test_an_onnx_model_says_what_it_takes_and_where_it_comes_from(folder, mode):
     one, three = (model.run(None, {"tsdf": grids()[:count]}) for count in (1, 3))
     for alone, together in zip(one, three):
         np.testing.assert_allclose(alone[0], together[0], rtol=0, atol=1e-5)
+
+
+def test_an_export_is_the_same_again_and_replaces_a_file_only_if_it_shall(folder, tmp_path):
+    export = ("export", folder / "linear/best.safetensors", "--format=onnx", "--out", tmp_path / "deeper/net.onnx")
+    assert "upsampling  linear" in trainer(*export)
+    assert (tmp_path / "deeper/net.onnx").read_bytes() == (folder / "linear.onnx").read_bytes()
+    for words, code, message in (
+        (export, 78, "there is a file already"),
+        (("export", tmp_path / "none", *export[2:]), 78, "no checkpoint here"),
+        (("export", folder / "weights.safetensors", *export[2:]), 65, "not a checkpoint"),
+    ):
+        command = [sys.executable, "-m", "graspmill", "trainer", *map(str, words)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == code and message in done.stderr, done
+    trainer(*export, "--force")
 
 
 def test_a_zero_rotation_is_not_divided_by_zero(folder, tmp_path):

@@ -3,11 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use network::Architecture;
-use network::interchange::{Target, export};
+use network::interchange::export;
 use program::{ExitCode, Failure, print};
-
-use crate::parse::one_of;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -19,7 +16,8 @@ safetensors: the 18 tensors of VGN's ConvNet, or the 14 of a judge; in PyTorch,
 onnx: input tsdf [batch, 1, 40, 40, 40]; outputs quality (0 to 1), rotation (unit quaternion
   x, y, z, w) and width (voxels)
 onnx of a judge: inputs crop [batch, 4, 8, 20, 28] and facts [batch, 16], which scripts/judge_onnx.py computes;
-  output outcomes [batch, 6]";
+  output outcomes [batch, 6]
+The program of the Python package writes onnx: pip install graspmill[onnx], then the same command";
 
 /// Write a checkpoint's weights for PyTorch or an ONNX runtime.
 #[derive(Debug, Args)]
@@ -28,8 +26,8 @@ pub(crate) struct Arguments {
     /// A checkpoint of trainer, such as RUN/best.safetensors.
     checkpoint: PathBuf,
     /// What to write: the weights alone, or the whole network.
-    #[arg(long, value_parser = one_of!(Target))]
-    format: Target,
+    #[arg(long, value_parser = ["safetensors", "onnx"])]
+    format: String,
     /// The file to write.
     #[arg(long)]
     out: PathBuf,
@@ -39,11 +37,12 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let checkpoint = export(&arguments.checkpoint, &arguments.out, arguments.format, arguments.force)?;
-    let network = match &checkpoint.architecture {
-        Architecture::Voxel(params) => format!("{params}"),
-        Architecture::Judge(scope) => format!("judge of    {}", scope.hand_in_words()),
-    };
-    print(format_args!("{network}\nwritten     {}\n", arguments.out.display()))?;
+    if arguments.format == "onnx" {
+        let text =
+            "the program of the Python package writes ONNX: pip install graspmill[onnx], then run the same command";
+        return Err(Failure::new(ExitCode::Usage, text));
+    }
+    let checkpoint = export(&arguments.checkpoint, &arguments.out, arguments.force)?;
+    print(format_args!("{}\nwritten     {}\n", checkpoint.architecture, arguments.out.display()))?;
     Ok(ExitCode::Ok)
 }

@@ -15,9 +15,9 @@ use crate::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, VoxelParams};
 /// Version of the checkpoint's layout.
 const FORMAT_VERSION: u32 = 1;
 /// The names of the networks in checkpoints.
-pub(crate) const VOXEL: &str = "vgn-conv-40";
-pub(crate) const CLOSINGS: &str = "closings-conv-40";
-pub(crate) const JUDGE: &str = "hand-judge-1";
+const VOXEL: &str = "vgn-conv-40";
+const CLOSINGS: &str = "closings-conv-40";
+const JUDGE: &str = "hand-judge-1";
 
 const KEY: &str = "graspmill";
 const MADE_BY: &str = concat!("graspmill trainer ", env!("CARGO_PKG_VERSION"));
@@ -81,7 +81,7 @@ pub(super) fn write(checkpoint: &Checkpoint) -> Metadata {
 }
 
 /// The name of a network of voxels.
-pub(crate) const fn name_of(head: Head) -> &'static str {
+const fn name_of(head: Head) -> &'static str {
     match head {
         Head::Quaternion => VOXEL,
         Head::Closings => CLOSINGS,

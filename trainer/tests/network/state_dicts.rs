@@ -3,7 +3,7 @@
 use half::{bf16, f16};
 use network::checkpoint;
 use network::head::Head;
-use network::interchange::{GivenParams, IMPORTED, Imported, Target, export, import};
+use network::interchange::{GivenParams, IMPORTED, Imported, export, import};
 use network::layers::parameter_slots;
 use network::upsampling::Upsampling;
 use network::{Architecture, GraspOrigin, VoxelParams};
@@ -88,7 +88,7 @@ fn an_exported_checkpoint_is_one_without_moments() {
     let folder = tempfile::tempdir().unwrap();
     let imported = imported(folder.path(), "", Dtype::F32, |value| value.to_le_bytes().to_vec());
     let out = folder.path().join("deeper/plain.safetensors");
-    export(&folder.path().join("checkpoint"), &out, Target::Safetensors, false).unwrap();
+    export(&folder.path().join("checkpoint"), &out, false).unwrap();
     let read = checkpoint::read(&out).unwrap();
     assert!(read.vector == imported.checkpoint.vector);
     assert!(read.moments.is_none());

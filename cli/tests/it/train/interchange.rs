@@ -68,13 +68,15 @@ fn the_program_says_what_it_did() {
     fs::write(&wrapped, weights("module.", Dtype::F64, &0.01_f64.to_le_bytes())).unwrap();
     let said = succeeds(&["import", text(&wrapped), "--out", text(&out), "--force"]);
     assert!(said.contains("prefix \"module.\" removed") && said.contains("float64 converted to float32"), "{said}");
-    let onnx = dir.path().join("vgn.onnx");
-    let said = succeeds(&["export", text(&out), "--format", "onnx", "--out", text(&onnx)]);
+    let plain = dir.path().join("vgn.safetensors");
+    let said = succeeds(&["export", text(&out), "--format", "safetensors", "--out", text(&plain)]);
     assert!(said.contains("upsampling  nearest"), "{said}");
-    let bytes = fs::read(&onnx).unwrap();
-    succeeds(&["export", text(&out), "--format", "onnx", "--out", text(&onnx), "--force"]);
-    assert!(fs::read(&onnx).unwrap() == bytes, "the same checkpoint makes the same file");
+    let bytes = fs::read(&plain).unwrap();
+    succeeds(&["export", text(&out), "--format", "safetensors", "--out", text(&plain), "--force"]);
+    assert!(fs::read(&plain).unwrap() == bytes, "the same checkpoint makes the same file");
     assert!(!String::from_utf8_lossy(&bytes).contains(text(dir.path())), "a file must not tell where it was made");
+    let onnx = ["export", text(&out), "--format", "onnx", "--out", "vgn.onnx"];
+    check_fails(&onnx, 2, &["the program of the Python package writes ONNX"]);
 }
 
 #[test]
@@ -87,7 +89,7 @@ fn a_file_that_is_there_stays_unless_forced() {
     check_fails(&args, 78, &["there is a file already", "--force", "best.safetensors"]);
     let there = dir.path().join("thesis.tex");
     fs::write(&there, "\\section{Results}").unwrap();
-    check_fails(&["export", text(&checkpoint), "--format", "onnx", "--out", text(&there)], 78, &["thesis.tex"]);
+    check_fails(&["export", text(&checkpoint), "--format", "safetensors", "--out", text(&there)], 78, &["thesis.tex"]);
     assert_eq!(fs::read(&there).unwrap(), b"\\section{Results}");
     assert!(fs::read(&checkpoint).unwrap() == before);
     succeeds(&[&args[..], &["--force"]].concat());
@@ -129,7 +131,7 @@ fn only_a_checkpoint_is_exported() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let export = |file: &str, code, texts: &[&str]| {
-        check_fails(&["export", file, "--format", "onnx", "--out", text(&out)], code, texts);
+        check_fails(&["export", file, "--format", "safetensors", "--out", text(&out)], code, texts);
         assert!(!out.exists());
     };
     export("/none.safetensors", 78, &["no checkpoint here"]);

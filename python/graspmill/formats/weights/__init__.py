@@ -1,0 +1,1 @@
+"""Formats of networks. A module has ``write``."""
