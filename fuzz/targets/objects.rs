@@ -1,4 +1,4 @@
-//! Files that objects are imported from: meshes and descriptions.
+//! Files that objects are imported from: meshes.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {

@@ -4,13 +4,11 @@
 //! The mass properties of a watertight mesh are exact, but the physics uses its parts. Both are reported side by side,
 //! with warnings about anything unusual. A file that cannot be used is listed with the reason, and the others go on.
 
+mod described;
 mod drops;
-mod mjcf;
 mod source;
 mod summary;
 mod units;
-mod urdf;
-mod xml;
 
 pub use drops::TestDrops;
 pub use source::{Source, sources};
@@ -26,38 +24,13 @@ use schema::{HullError, MODELS_MAX, MassIntegrals, relative_difference};
 use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
-use self::source::{described, is_description};
 use self::summary::{catalogue_text, opening_m, warnings};
 use self::units::{Own, guessed_scale_m, own_values};
-use self::xml::Described;
 use crate::catalogue::{Catalogue, MASS_KG};
 use crate::config::Config;
 use crate::measured::{Measured, overlap_share, smallest_width_m};
 use crate::mesh_file::{damaged, read_mesh, unusable};
 use crate::models::Models;
-
-/// The function of the fuzz target `objects`: a byte that chooses the kind of file, then the file. What a description
-/// names is not there.
-///
-/// # Errors
-/// What is wrong with the file.
-#[cfg(any(test, fuzzing))]
-pub(crate) fn fuzzed(data: &[u8]) -> Result<(), String> {
-    let nowhere = Path::new("nowhere/fuzzed");
-    let (kind, bytes) = data.split_first().ok_or("it is empty")?;
-    let mesh = match usize::from(*kind) % 8 {
-        place @ 0..5 => {
-            let (_, read) = crate::mesh_file::reader_of(crate::mesh_file::ENDINGS[place]).ok_or("no reader")?;
-            let (corners, triangles) = read(bytes)?;
-            crate::mesh::Mesh::new(&corners, &triangles, 1.0)?
-        }
-        5 => urdf::body_of(&xml::parse(bytes, &["robot"])?, nowhere, 1.0).map_err(|e| e.to_string())?.mesh,
-        _ => mjcf::body_of(&xml::parse(bytes, &["mujoco"])?, nowhere, 1.0).map_err(|e| e.to_string())?.mesh,
-    };
-    let measured = Measured::of(mesh);
-    assert!(measured.solid.is_none_or(|solid| solid.volume_m3 > 0.0), "what encloses nothing is no solid");
-    Ok(())
-}
 
 /// A mesh is convex if its hull is larger by less than this share.
 const CONVEX_SHARE: f64 = 0.01;
@@ -79,8 +52,7 @@ const DENSITY_KG_M3: f64 = 400.0;
 /// Settings of the import.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportParams {
-    /// Metres per unit of the files, above 0; a URDF's or MJCF's own scale applies besides. Guessed from the sizes if
-    /// not given; metres for URDF and MJCF.
+    /// Metres per unit of the files, above 0. Guessed from the sizes if not given; metres for URDF and MJCF.
     pub scale: Option<f64>,
     /// Density of all objects in kg/m³, above 0; if not given a URDF's or MJCF's mass, else 400 kg/m³.
     pub density: Option<f64>,
@@ -90,6 +62,8 @@ pub struct ImportParams {
     pub friction: f32,
     /// A file of what differs for single objects: tables `[name]` with scale, `mass_kg` or `density_kg_m3`, friction.
     pub each: Option<PathBuf>,
+    /// The file in which the Python package says what it made of descriptions.
+    pub described: Option<PathBuf>,
     /// Most convex parts of an object, 1 to 64; 1 makes it its convex hull.
     pub hulls_max: u8,
     /// Most corners of a part, 8 to 64; an attempt takes longer with more.
@@ -112,6 +86,7 @@ impl Default for ImportParams {
             mass: None,
             friction: 0.8,
             each: None,
+            described: None,
             hulls_max: 8,
             corners_max: 32,
             voxels: 96,
@@ -248,11 +223,9 @@ impl Import<'_> {
         let Self { source, own, params, .. } = self;
         let file = &source.file;
         let scale_m = self.scale_m_of();
-        let (mesh, mass_kg) = if is_description(file) {
-            let Described { mesh, mass_kg } = described(file, scale_m)?;
-            (mesh, mass_kg)
-        } else {
-            (read_mesh(file, scale_m)?, None)
+        let (mesh, mass_kg) = match &source.described {
+            Some(described) => (described.mesh(file, scale_m)?, described.mass_kg),
+            None => (read_mesh(file, scale_m)?, None),
         };
         let measured = Measured::of(mesh);
         let longest_m = measured.extents_m.max_element();
@@ -267,9 +240,10 @@ impl Import<'_> {
         Ok((measured, given.or(of_file)))
     }
 
-    /// Metres per unit of the file, or, of a description, besides its own scale.
+    /// Metres per unit of the file.
     fn scale_m_of(&self) -> f64 {
-        let otherwise = if is_description(&self.source.file) { self.params.scale.unwrap_or(1.0) } else { self.scale_m };
+        let is_description = self.source.described.is_some();
+        let otherwise = if is_description { self.params.scale.unwrap_or(1.0) } else { self.scale_m };
         self.own.scale.unwrap_or(otherwise)
     }
 

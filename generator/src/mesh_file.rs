@@ -1,5 +1,5 @@
 //! Triangle meshes from files: Wavefront OBJ, STL (text and binary), PLY (text and binary, both byte orders), binary
-//! glTF (GLB), MuJoCo's own (MSH).
+//! glTF (GLB).
 //!
 //! Polygons are split as fans. Colours, normals, textures and materials are ignored.
 
@@ -17,7 +17,7 @@ use program::{ExitCode, Failure};
 use crate::mesh::{CORNERS_MAX, Mesh, TRIANGLES_MAX};
 
 /// Supported file extensions, in lower case.
-pub(crate) const ENDINGS: [&str; 5] = ["obj", "stl", "ply", "glb", "msh"];
+pub(crate) const ENDINGS: [&str; 4] = ["obj", "stl", "ply", "glb"];
 
 /// Maximum file size.
 pub(crate) const BYTES_MAX: u64 = 1 << 30;
@@ -35,13 +35,13 @@ pub(crate) fn damaged(message: &str, file: &Path) -> Failure {
 }
 
 /// Corners in the file's units, and triangles as corner indices.
-pub(crate) type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 /// Adds corners and their triangles to others.
 ///
 /// # Errors
 /// If there are too many corners or triangles then: a file may name one mesh again and again.
-pub(crate) fn append(
+fn append(
     (all, all_triangles): &mut Parts,
     corners: impl ExactSizeIterator<Item = [f64; 3]>,
     triangles: impl ExactSizeIterator<Item = [u32; 3]>,
@@ -56,32 +56,34 @@ pub(crate) fn append(
 }
 
 /// The reader of a kind of file.
-pub(crate) type Read = fn(&[u8]) -> Result<Parts, String>;
+type Read = fn(&[u8]) -> Result<Parts, String>;
 
 /// Reads a mesh; one unit of the file is `scale_m` metres.
 ///
 /// # Errors
 /// If the file cannot be read or is no mesh.
 pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
-    let (corners, triangles) = read_parts(path)?;
-    Mesh::new(&corners, &triangles, scale_m).map_err(|message| damaged(&message, path))
+    read_mesh_of(path, path, scale_m)
 }
 
-/// Reads a file's corners and triangles as they are.
-///
-/// # Errors
-/// If the file cannot be read or is no mesh.
-pub(crate) fn read_parts(path: &Path) -> Result<Parts, Failure> {
-    let shown = path.display();
+/// The same of a mesh that was made of another file, which is the one that errors name.
+pub(crate) fn read_mesh_of(file: &Path, path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
+    let shown = file.display();
     let unread = |source| unusable(format!("failed to read it: {source}: {shown}"));
     let bytes = program::read(path, BYTES_MAX).map_err(unread)?;
-    let Some((kind, read)) = ending(path).and_then(|ending| reader_of(&ending)) else {
+    let ending = ending(path).unwrap_or_default();
+    if ["urdf", "xml"].contains(&ending.as_str()) {
+        let how = "pip install graspmill[descriptions], then run the same command";
+        return Err(unusable(format!("the program of the Python package reads descriptions: {how}: {shown}")));
+    }
+    let Some((kind, read)) = reader_of(&ending) else {
         let endings = ENDINGS.join(", .");
         return Err(unusable(format!("its name must end with .{endings}: {shown}")));
     };
     // A library that panics at one file must not end the others.
     let read = catch_unwind(|| read(&bytes)).unwrap_or_else(|_| Err("its reader failed".to_owned()));
-    read.map_err(|message| damaged(&format!("not a whole {kind} file: {message}"), path))
+    let (corners, triangles) = read.map_err(|message| damaged(&format!("not a whole {kind} file: {message}"), file))?;
+    Mesh::new(&corners, &triangles, scale_m).map_err(|message| damaged(&message, file))
 }
 
 /// The name of a kind of file and its reader.
@@ -91,7 +93,6 @@ pub(crate) fn reader_of(ending: &str) -> Option<(&'static str, Read)> {
         "stl" => ("STL", stl),
         "ply" => ("PLY", ply),
         "glb" => ("GLB", glb),
-        "msh" => ("MSH", msh),
         _ => return None,
     })
 }
@@ -252,27 +253,6 @@ fn fan(place: usize, ring: &[i64], triangles: &mut Vec<[u32; 3]>) -> Result<(), 
         return Err(format!("it must have at most {TRIANGLES_MAX} triangles"));
     }
     Ok(())
-}
-
-/// MuJoCo's binary format: four counts, then corners, normals, texture coordinates and triangles, all of four bytes.
-fn msh(bytes: &[u8]) -> Result<Parts, String> {
-    let (words, rest) = bytes.as_chunks::<4>();
-    let counts = words.first_chunk::<4>().map(|counts| counts.map(u32::from_le_bytes).map(u64::from));
-    let Some([corners, normals, textures, triangles]) = counts else {
-        return Err("it must begin with four counts".to_owned());
-    };
-    let expected = 4 + 3 * corners + 3 * normals + 2 * textures + 3 * triangles;
-    if !rest.is_empty() || words.len() as u64 != expected {
-        return Err(format!(
-            "one of {corners} corners and {triangles} triangles has {} bytes, got {}",
-            4 * expected,
-            bytes.len()
-        ));
-    }
-    let (corners, after) = words[4..].split_at(3 * corners as usize);
-    let triangles = &after[after.len() - 3 * triangles as usize..];
-    let triangles = triangles.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(u32::from_le_bytes));
-    Ok((positions(corners).collect(), triangles.collect()))
 }
 
 /// The triangles of a binary glTF's scene, in its frame (y up).

@@ -66,7 +66,7 @@ class Annotation:
     def __new__(
         cls,
         body: tuple[Body, float, float] | None,
-        file: tuple[_Path, float | None] | None,
+        file: tuple[_Path, float | None, str | None] | None,
         simulation: Simulation,
         params: tuple[int, bool, Sequence[float], str, bool, int, int, int],
         given: _Floats | None,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import re
 import struct
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import Any
+from typing import Any, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +21,19 @@ Floats = NDArray[np.float64]
 JOINTS_MAX = 8
 #: Seconds for which the actuators of a linkage move it.
 DRIVEN_S = 3.0
+#: Flat sides of what is round, as in the simulation (``FACETS`` of ``schema/src/solid.rs``).
+SIDES = 24
 
 
-def _mujoco() -> Any:
+def mujoco_module() -> Any:
     try:
         import mujoco  # type: ignore[import-untyped, import-not-found, unused-ignore]
     except ImportError as error:
-        raise InputError("a description needs MuJoCo: pip install mujoco") from error
+        raise InputError("a description needs MuJoCo: pip install graspmill[descriptions]") from error
     return mujoco
 
 
-def _mesh(name: str, folder: Path) -> Path:
+def mesh_file(name: str, folder: Path) -> Path:
     """The file that a URDF names. A package is looked for in the folders above."""
     if not name.startswith("package://"):
         return folder / name.removeprefix("file://")
@@ -40,7 +43,7 @@ def _mesh(name: str, folder: Path) -> Path:
     return next((place for place in places if place.is_file()), folder / ways[1])
 
 
-def _urdf(path: Path) -> tuple[Any, dict[str, tuple[str, float, float]]]:
+def urdf_model(path: Path) -> tuple[Any, dict[str, tuple[str, float, float]]]:
     """A model of a URDF's collision shapes, and its mimic joints: master, factor and offset."""
     try:
         robot = ET.parse(path).getroot()
@@ -60,13 +63,16 @@ def _urdf(path: Path) -> tuple[Any, dict[str, tuple[str, float, float]]]:
         for shape in link.findall(kind):
             shape.tag = "collision"
         for mesh in link.iter("mesh"):
-            file = _mesh(mesh.get("filename", ""), path.parent)
+            file = mesh_file(mesh.get("filename", ""), path.parent)
             ending = file.suffix.lower()
-            if ending not in (".stl", ".obj", ".dae"):
-                raise InputError(f"the mesh of link {link.get('name')} must be STL, OBJ or DAE: {file}")
+            if ending not in (".stl", ".obj", ".msh", ".dae"):
+                raise InputError(f"the mesh of link {link.get('name')} must be STL, OBJ, MSH or DAE: {file}")
             try:
                 data = file.read_bytes()
-                data = _stl(_collada(data)) if ending == ".dae" else data
+                if ending == ".dae":
+                    data = stl(_collada(data))
+                elif ending == ".stl" and b"endfacet" in data.lower():  # text, which MuJoCo does not read
+                    data = stl(np.array(re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data, re.I), float).reshape(-1, 3, 3))
             except (OSError, ET.ParseError, KeyError, ValueError) as error:
                 raise InputError(f"the mesh of link {link.get('name')} cannot be read: {file}: {error}") from error
             name = f"{len(assets)}{'.stl' if ending == '.dae' else ending}"
@@ -142,14 +148,14 @@ def _collada(data: bytes) -> Floats:
     return np.concatenate(parts)
 
 
-def _stl(triangles: Floats) -> bytes:
+def stl(triangles: Floats) -> bytes:
     rows = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
     rows["corners"] = triangles
     return bytes(80) + struct.pack("<I", len(rows)) + rows.tobytes()
 
 
 def _compiled(path: Path, text: str | None, assets: dict[str, bytes] | None) -> Any:
-    mujoco = _mujoco()
+    mujoco = mujoco_module()
     try:
         spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text, assets=assets)
         for mesh in spec.meshes:
@@ -163,9 +169,9 @@ class Hand:
     """A compiled description, and which of its shapes belong to which finger."""
 
     def __init__(self, path: Path, fingers: tuple[str, str], flange: str | None) -> None:
-        self.mujoco, self.path = _mujoco(), path
+        self.mujoco, self.path = mujoco_module(), path
         is_urdf = path.suffix.lower() == ".urdf"
-        self.model, self.mimics = _urdf(path) if is_urdf else (_compiled(path, None, None), {})
+        self.model, self.mimics = urdf_model(path) if is_urdf else (_compiled(path, None, None), {})
         self.data = self.mujoco.MjData(self.model)
         self.mujoco.mj_kinematics(self.model, self.data)
         self.fingers = [self.body(name) for name in fingers]
@@ -275,30 +281,69 @@ class Hand:
         """The triangles of each shape, [N, 3, 3], in the world, with the joints so."""
         self.data.qpos[:] = state
         self.mujoco.mj_kinematics(self.model, self.data)
-        return [self._triangles(geom) for geom in self.geoms]
+        return [triangles_of(self.model, self.data, geom) for geom in self.geoms]
 
-    def _triangles(self, geom: int) -> Floats:
-        model, kinds = self.model, self.mujoco.mjtGeom
-        kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
-        if kind == kinds.mjGEOM_MESH:
-            mesh = model.geom_dataid[geom]
-            corners = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
-            faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
-        elif kind == kinds.mjGEOM_BOX:
-            corners, faces = _box(size)
-        elif kind in (kinds.mjGEOM_SPHERE, kinds.mjGEOM_ELLIPSOID):
-            corners, faces = _box(size if kind == kinds.mjGEOM_ELLIPSOID else size[[0, 0, 0]])
-        elif kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_CAPSULE):
-            ends = size[1] + (size[0] if kind == kinds.mjGEOM_CAPSULE else 0.0)
-            corners, faces = _box(np.array([size[0], size[0], ends]))
+
+def surface_of(model: Any, geoms: Iterable[int]) -> Floats:
+    """The triangles of some shapes, [N, 3, 3], with the joints as the description has them."""
+    mujoco = mujoco_module()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    parts = [triangles_of(model, data, geom, SIDES) for geom in geoms]
+    if not parts:
+        raise InputError("it must have a shape")
+    return np.concatenate(parts)
+
+
+def triangles_of(model: Any, data: Any, geom: int, sides: int = 4) -> Floats:
+    """The triangles of a shape, [N, 3, 3], in the world. What is round has so many flat sides; of 4 it is the box around it."""
+    kinds = mujoco_module().mjtGeom
+    kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
+    if kind == kinds.mjGEOM_MESH:
+        mesh = model.geom_dataid[geom]
+        corners = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
+        own = corners[model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]]
+    elif kind == kinds.mjGEOM_BOX:
+        own = _box(size)
+    elif kind in (kinds.mjGEOM_SPHERE, kinds.mjGEOM_ELLIPSOID):
+        size = size if kind == kinds.mjGEOM_ELLIPSOID else size[[0, 0, 0]]
+        own = _box(size) if sides == 4 else _turned(*_ball(1.0, 0.0, sides), sides) * size
+    elif kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_CAPSULE):
+        radius, half = size[:2]
+        if sides == 4:
+            own = _box(np.array([radius, radius, half + (radius if kind == kinds.mjGEOM_CAPSULE else 0.0)]))
+        elif kind == kinds.mjGEOM_CAPSULE:
+            own = _turned(*_ball(radius, half, sides), sides)
         else:
-            raise InputError(f"a shape must be a mesh, box, cylinder, sphere, capsule or ellipsoid: geom {geom} of {self.path}")
-        placed = corners @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
-        triangles: Floats = placed[faces]
-        return triangles
+            own = _turned(np.array([0, radius, radius, 0]), np.array([-half, -half, half, half]), sides)
+    else:
+        raise InputError(f"a shape must be a mesh, box, cylinder, sphere, capsule or ellipsoid, got {kind.name}")
+    placed: Floats = own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+    return placed
 
 
-def _box(half: Floats) -> tuple[Floats, NDArray[np.int64]]:
+def _ball(radius: float, half: float, sides: int) -> tuple[Floats, Floats]:
+    """Radii and heights of a ball's rings, its halves apart along z: a capsule."""
+    up = np.linspace(0, np.pi / 2, sides // 4 + 1)
+    across, height = radius * np.cos(up).round(12), radius * np.sin(up) + half
+    return np.append(across[::-1], across), np.append(-height[::-1], height)
+
+
+def _turned(radii: Floats, heights: Floats, sides: int) -> Floats:
+    """The triangles of rings about z, from the lowest to the highest."""
+    angles = np.arange(sides) * (2 * np.pi / sides)
+    round_z = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides)], axis=1).round(12)
+    rings = radii[:, None, None] * round_z + heights[:, None, None] * np.array([0, 0, 1])
+    low, high = rings[:-1], rings[1:]
+    low_next, high_next = (np.roll(some, -1, axis=1) for some in (low, high))
+    triangles = np.stack([low, low_next, high_next, low, high_next, high], axis=2).reshape(-1, 3, 3)
+    a, b, c = triangles.transpose(1, 0, 2)
+    full: Floats = triangles[np.cross(b - a, c - a).any(axis=1)]
+    return full
+
+
+def _box(half: Floats) -> Floats:
     corners = np.array(list(itertools.product(*[(-x, x) for x in half])))
     sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    return corners, np.array([[a, b, c] for a, b, c, _ in sides] + [[a, c, d] for a, _, c, d in sides])
+    triangles: Floats = corners[np.array([[a, b, c] for a, b, c, _ in sides] + [[a, c, d] for a, _, c, d in sides])]
+    return triangles

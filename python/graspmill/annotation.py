@@ -41,7 +41,8 @@ def annotate(
     Equal arguments give equal grasps, those of ``graspmill objects annotate``.
 
     Args:
-        object: An object, whose pose does not matter; or the path of a mesh, a URDF, an MJCF or a catalogue of one object.
+        object: An object, whose pose does not matter; or the path of a mesh, a URDF or an MJCF (which
+            need MuJoCo: ``pip install graspmill[descriptions]``) or a catalogue of one object.
         gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file; ``parallel_jaw_80`` by default.
         grasps: Number of grasps; with ``held_only`` of those that hold.
         given: Grasps of somebody else to be labelled instead, ``object_from_grasp``, ``[N, 4, 4]`` or ``[N, 7]``.
@@ -62,14 +63,16 @@ def annotate(
     Raises:
         InputError: If an argument is wrong, or the file cannot be used.
     """
-    body = file = None
+    from .formats import objects
+
+    body = path = meters = None
     if isinstance(object, Object):
         body = (object._body, object.mass_kg, object.friction)
         if scale is not None:
             raise InputError("scale goes with a file")
     else:
         meters = None if scale is None else _arrays.number("scale", scale, 1e-9, 1e6)
-        file = (os.path.abspath(_arrays.path("object", object)), meters)
+        path = os.path.abspath(_arrays.path("object", object))
     parts = [_arrays.number("shares", share, 0.0, 1.0) for share in _arrays.floats("shares", shares, (3,))]
     if not sum(parts):
         raise InputError("shares must not all be 0")
@@ -87,10 +90,12 @@ def annotate(
     count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
     if not (progress is None or callable(progress)):
         raise InputError(f"progress must be a function, got {_arrays.shown(progress)}")
-    work = _native.Annotation(body, file, _simulation(gripper, None), params, poses, count)
-    while not work.has_ended():
-        if progress is not None:
-            progress(work.made)
+    with objects.described([] if path is None else [path]) as described:
+        file = None if path is None else (path, meters, described)
+        work = _native.Annotation(body, file, _simulation(gripper, None), params, poses, count)
+        while not work.has_ended():
+            if progress is not None:
+                progress(work.made)
     return _set(work)
 
 

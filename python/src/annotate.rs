@@ -43,11 +43,12 @@ type PlainParams = (usize, bool, [f32; 3], String, bool, u32, u32, u64);
 
 #[pymethods]
 impl Annotation {
-    /// Begins that of a body with its mass and friction, or of a file with so many metres a unit.
+    /// Begins that of a body with its mass and friction, or of a file with so many metres a unit; with what was made of
+    /// a description.
     #[new]
     fn new(
         body: Option<(Py<Body>, f32, f32)>,
-        file: Option<(PathBuf, Option<f64>)>,
+        file: Option<(PathBuf, Option<f64>, Option<PathBuf>)>,
         simulation: &Simulation,
         params: PlainParams,
         given: Option<PyReadonlyArray2<'_, f32>>,
@@ -155,10 +156,10 @@ impl Annotation {
     }
 }
 
-fn of_file(file: Option<(PathBuf, Option<f64>)>) -> Result<Annotated, Failure> {
+fn of_file(file: Option<(PathBuf, Option<f64>, Option<PathBuf>)>) -> Result<Annotated, Failure> {
     let refused = |text: String| Failure::new(ExitCode::Config, text);
-    let (path, scale) = file.ok_or_else(|| refused("an object or a file must be given".to_owned()))?;
-    let params = ImportParams { scale, ..ImportParams::default() };
+    let (path, scale, described) = file.ok_or_else(|| refused("an object or a file must be given".to_owned()))?;
+    let params = ImportParams { scale, described, ..ImportParams::default() };
     let (mut objects, _) = Annotated::read(std::slice::from_ref(&path), &params, &|_, _| {})?;
     match (objects.pop(), objects.len()) {
         (Some(object), 0) => Ok(object),

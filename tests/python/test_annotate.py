@@ -45,6 +45,19 @@ def test_grasps_are_those_of_the_program(tmp_path):
     assert np.isfinite(points).all() and off.max() < 1e-3
 
 
+def test_a_description_is_annotated_as_what_it_describes(tmp_path):
+    pytest.importorskip("mujoco")
+    (tmp_path / "parts").mkdir()
+    brick(tmp_path / "parts")
+    shape = '<geometry><mesh filename="parts/brick.obj" scale="0.001 0.001 0.001"/></geometry>'
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="a"><link name="b"><inertial><mass value="0.2"/></inertial><visual>{shape}</visual></link></robot>')
+    made = graspmill.annotate(path, grasps=30, drops=0)
+    assert (made.name, made.file, made.info["object"]["mass_kg"]) == ("robot", str(path), pytest.approx(0.2))
+    points = made.contacts_m[made.held].reshape(-1, 3)
+    assert len(points) and np.abs(np.stack([points, points - (0.04, 0.06, 0.05)])).min(axis=(0, 2)).max() < 1e-3
+
+
 def test_grasps_of_others_are_labelled(tmp_path):
     above = np.diag([1.0, -1.0, -1.0, 1.0])
     beside = above.copy()

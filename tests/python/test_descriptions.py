@@ -152,7 +152,7 @@ THIRD = f"""<link name="thumb">{shape(JAW, (0.03, 0, 0.02))}</link><joint name="
         ({"kind": "fixed", "mimic": ""}, FINGERS, "no joint moves right"),
         ({"mimic": '<mimic joint="nothing"/>'}, FINGERS, "joint follow mimics nothing"),
         ({"jaw": mesh("jaw.stl", (0, 0, 0))}, FINGERS, "the mesh of link left cannot be read"),
-        ({"jaw": mesh("jaw.ply", (0, 0, 0))}, FINGERS, "must be STL, OBJ or DAE"),
+        ({"jaw": mesh("jaw.ply", (0, 0, 0))}, FINGERS, "must be STL, OBJ, MSH or DAE"),
         ({"jaw": ""}, FINGERS, "left must have a shape"),
         ({"jaw": "<what"}, FINGERS, "must be a URDF, got"),
     ],

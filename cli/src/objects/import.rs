@@ -13,8 +13,8 @@ use report::document::{Block, Cell, Document, Table};
 /// Make objects of your own meshes: measure them, decompose them into convex parts, write a catalogue
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
-    /// Meshes (.obj, .stl, .ply, .glb, .msh), descriptions (.urdf, MuJoCo's .xml), and folders of them, with all
-    /// folders within
+    /// Meshes (.obj, .stl, .ply, .glb), descriptions (.urdf, MuJoCo's .xml), and folders of them, with all folders
+    /// within; the program of the Python package reads descriptions, with MuJoCo
     #[arg(required = true, value_name = "FOLDER|FILE")]
     meshes: Vec<PathBuf>,
 
@@ -50,8 +50,8 @@ pub(crate) struct Arguments {
 /// How meshes become objects.
 #[derive(Debug, Args)]
 pub(super) struct MeshOptions {
-    /// Metres per unit of the files: 0.001 for millimetres; a URDF's or MJCF's own scale applies besides [default:
-    /// guessed from the sizes, metres for URDF and MJCF]
+    /// Metres per unit of the files: 0.001 for millimetres; of a URDF or MJCF it changes the lengths, not the mass
+    /// [default: guessed from the sizes, metres for URDF and MJCF]
     #[arg(long, value_name = "METRES", value_parser = positive)]
     scale: Option<f64>,
 
@@ -70,6 +70,10 @@ pub(super) struct MeshOptions {
     /// What differs for single objects: tables `[name]` with scale, mass_kg or density_kg_m3, friction (TOML)
     #[arg(long, value_name = "FILE")]
     each: Option<PathBuf>,
+
+    /// What the program of the Python package made of descriptions
+    #[arg(long, hide = true, value_name = "FILE")]
+    described: Option<PathBuf>,
 
     /// Most convex parts of an object; 1 makes it its convex hull
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = value_parser!(u8).range(1..=64))]
@@ -110,6 +114,7 @@ impl MeshOptions {
             mass: self.mass,
             friction: self.friction,
             each: self.each.clone(),
+            described: self.described.clone(),
             hulls_max: self.hulls_max,
             corners_max: self.corners_max,
             voxels: self.voxels,
@@ -150,7 +155,7 @@ impl FileBar {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let config = Config::load(arguments.config.as_deref(), Overrides::default())?;
     check_target(&arguments.out)?;
-    let sources = sources(&arguments.meshes)?;
+    let sources = sources(&arguments.meshes, arguments.options.described.as_deref())?;
     let bar = FileBar::new(Some(sources.len()));
     let on_file = |file: &Path, state: FileState<'_>| bar.tell(file, state);
     let imported =

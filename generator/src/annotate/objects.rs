@@ -38,7 +38,8 @@ impl Annotated {
         if !meshes.is_empty() {
             let meshes: Vec<PathBuf> = meshes.into_iter().cloned().collect();
             let config = Config::load(None, Overrides::default())?;
-            let imported = import_objects(&sources(&meshes)?, params, &config, on_file)?;
+            let sources = sources(&meshes, params.described.as_deref())?;
+            let imported = import_objects(&sources, params, &config, on_file)?;
             let broken = |text: String| Failure::new(ExitCode::Internal, text);
             let catalogue = Catalogue::parse(&imported.catalogue, Path::new("the imported objects")).map_err(broken)?;
             objects.extend(imported.objects.iter().zip(catalogue.objects()).map(|(of_file, object)| Self {

@@ -6,44 +6,33 @@ use std::path::{Path, PathBuf};
 use program::Failure;
 use schema::NAME_MAX;
 
-use super::xml::Described;
-use super::{mjcf, urdf};
+use super::described::{Described, is_description};
 use crate::mesh_file::{ENDINGS, ending, unusable};
 
-/// The endings of descriptions of bodies: robot descriptions, and models of MuJoCo.
-const URDF: &str = "urdf";
-const MJCF: &str = "xml";
 /// Folders within folders, at most.
 const DEPTH_MAX: usize = 16;
 
 /// What becomes an object.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Source {
     /// The object's name.
     pub name: String,
     /// A mesh or a description.
     pub file: PathBuf,
-}
-
-/// Whether a file's name is a description's.
-pub(super) fn is_description(file: &Path) -> bool {
-    ending(file).is_some_and(|ending| [URDF, MJCF].contains(&ending.as_str()))
-}
-
-/// Reads a description and the meshes that it names. One unit of a mesh is `scale_m` metres, besides the description's
-/// own scale.
-pub(super) fn described(file: &Path, scale_m: f64) -> Result<Described, Failure> {
-    let read = if ending(file).as_deref() == Some(URDF) { urdf::described } else { mjcf::described };
-    read(file, scale_m)
+    /// What the Python package made of a description.
+    pub(super) described: Option<Described>,
 }
 
 /// The objects of some paths: files as given, and what is in folders and the folders within them, in the order of their
 /// paths. A mesh that a description names is a part of it and no object of its own. Files of one name in several
-/// folders are named by what tells the folders apart.
+/// folders are named by what tells the folders apart. `described` is the file in which the Python package says what it
+/// made of descriptions.
 ///
 /// # Errors
 /// For a folder that cannot be listed, or that has nothing to import.
-pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Failure> {
+pub fn sources(paths: &[PathBuf], described: Option<&Path>) -> Result<Vec<Source>, Failure> {
+    let described = described.map(Described::all).transpose()?.unwrap_or_default();
+    let of = |file: &Path| described.get(&file.canonicalize().ok()?);
     let mut found: Vec<(PathBuf, Vec<String>)> = Vec::new();
     for path in paths {
         let mut seen = BTreeSet::new();
@@ -55,20 +44,13 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Failure> {
         list(path, &mut Vec::new(), &mut seen, &mut found)?;
         if found.len() == before {
             let endings = ENDINGS.join(", .");
-            return Err(unusable(format!(
-                "there is no .{endings}, .{URDF} or MuJoCo .{MJCF} file: {}",
-                path.display()
-            )));
+            return Err(unusable(format!("there is no .{endings}, .urdf or MuJoCo .xml file: {}", path.display())));
         }
     }
-    let mut parts = BTreeSet::new();
-    for (file, _) in found.iter().filter(|(file, _)| is_description(file)) {
-        // A description that cannot be read says so when it is imported.
-        let meshes_of = if ending(file).as_deref() == Some(URDF) { urdf::meshes_of } else { mjcf::meshes_of };
-        parts.extend(meshes_of(file).into_iter().filter_map(|mesh| mesh.canonicalize().ok()));
-    }
+    let parts: BTreeSet<&PathBuf> = found.iter().filter_map(|(file, _)| of(file)).flat_map(|one| &one.parts).collect();
     found.retain(|(file, _)| !file.canonicalize().is_ok_and(|file| parts.contains(&file)));
-    Ok(named(one_format(found)))
+    let named = named(one_format(found)).into_iter();
+    Ok(named.map(|(name, file)| Source { name, described: of(&file).cloned(), file }).collect())
 }
 
 /// Of the files of a folder that have one name but for the ending, the one that comes first in [`ENDINGS`]: they are
@@ -116,10 +98,7 @@ fn list(
                 list(&entry, way, seen, found)?;
                 way.pop();
             }
-        } else if ending(&entry).is_some_and(|ending| match ending.as_str() {
-            MJCF => mjcf::is_model(&entry),
-            ending => ending == URDF || ENDINGS.contains(&ending),
-        }) {
+        } else if is_description(&entry) || ending(&entry).is_some_and(|ending| ENDINGS.contains(&ending.as_str())) {
             found.push((entry, way.clone()));
         }
     }
@@ -128,7 +107,7 @@ fn list(
 
 /// Gives every file a name. Of a name that several files would have, each takes the name of its folder, without the
 /// folders that all of them have, as long as necessary; then a number.
-fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<Source> {
+fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<(String, PathBuf)> {
     let stem = |file: &Path| plain(&file.file_stem().map_or_else(Default::default, |stem| stem.to_string_lossy()));
     let mut ways: BTreeMap<String, Vec<Vec<String>>> = BTreeMap::new();
     for (file, way) in &found {
@@ -144,7 +123,7 @@ fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<Source> {
         stems.entry(base(one)).or_default().insert(stem(&one.0));
     }
     let mut taken = BTreeSet::new();
-    let mut sources = Vec::with_capacity(found.len());
+    let mut all = Vec::with_capacity(found.len());
     for one in &found {
         let (stem, base) = (stem(&one.0), base(one));
         let base = if stems[&base].len() > 1 && base != stem { format!("{base}_{stem}") } else { base };
@@ -158,9 +137,9 @@ fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<Source> {
             let suffix = format!("_{number}");
             name = cut(&base, NAME_MAX - suffix.len()) + &suffix;
         }
-        sources.push(Source { name, file: one.0.clone() });
+        all.push((name, one.0.clone()));
     }
-    sources
+    all
 }
 
 /// The name of a file by the folders on its way, where files at `all` ways have the same `stem`.
@@ -194,7 +173,7 @@ mod tests {
     fn names(files: &[&str]) -> Vec<String> {
         let way = |file: &str| file.split('/').rev().skip(1).map(plain).collect::<Vec<_>>().into_iter().rev().collect();
         let found = files.iter().map(|file| (PathBuf::from(file), way(file))).collect();
-        named(found).into_iter().map(|source| source.name).collect()
+        named(found).into_iter().map(|(name, _)| name).collect()
     }
 
     #[test]
@@ -212,10 +191,10 @@ mod tests {
 
     #[test]
     fn a_mesh_in_several_formats_is_one_object() {
-        let found = ["a/can.stl", "a/can.obj", "a/can.xml", "b/can.msh", "a/can.1.obj"];
+        let found = ["a/can.stl", "a/can.obj", "a/can.xml", "b/can.ply", "a/can.1.obj"];
         let left = one_format(found.map(|file| (PathBuf::from(file), Vec::new())).to_vec());
         let left: Vec<&Path> = left.iter().map(|(file, _)| file.as_path()).collect();
-        assert_eq!(left, ["a/can.obj", "a/can.xml", "b/can.msh", "a/can.1.obj"].map(Path::new));
+        assert_eq!(left, ["a/can.obj", "a/can.xml", "b/can.ply", "a/can.1.obj"].map(Path::new));
     }
 
     #[test]

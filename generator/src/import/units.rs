@@ -7,7 +7,7 @@ use program::Failure;
 use rayon::prelude::*;
 use serde::Deserialize;
 
-use super::source::{Source, is_description};
+use super::source::Source;
 use crate::mesh_file::{read_mesh, unusable};
 
 /// Half of the objects are longer than this, as a rule: of the units in question, the one that is nearest to it counts.
@@ -18,7 +18,7 @@ const METRES_MAX: f64 = 0.5;
 /// The scale of files whose unit nobody named, in metres, by their longest sides. Files of one import have one unit.
 pub(super) fn guessed_scale_m(sources: &[&Source]) -> f64 {
     let longest = |source: &&Source| {
-        let mesh = (!is_description(&source.file)).then(|| read_mesh(&source.file, 1.0).ok()).flatten()?;
+        let mesh = read_mesh(&source.file, 1.0).ok().filter(|_| source.described.is_none())?;
         let [low, high] = mesh.bounds_m();
         Some((high - low).max_element())
     };

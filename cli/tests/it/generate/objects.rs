@@ -215,7 +215,7 @@ fn files_that_are_no_meshes_are_told_together() {
     );
     check_fails(&only(&["nowhere.obj"], &[]), 78, &["nowhere.obj"]);
     fs::create_dir(dir.path().join("nothing")).unwrap();
-    check_fails(&only(&["nothing"], &[]), 78, &["there is no .obj, .stl, .ply, .glb, .msh, .urdf or MuJoCo .xml file"]);
+    check_fails(&only(&["nothing"], &[]), 78, &["there is no .obj, .stl, .ply, .glb, .urdf or MuJoCo .xml file"]);
     check_fails(&only(&["meshes"], &["--scale=-1"]), 2, &["above 0"]);
     assert!(!dir.path().join("x.toml").exists());
 }
@@ -299,26 +299,13 @@ fn small_files_that_are_made_to_keep_it_busy_end() {
     let (corners, triangles) = prism(&SQUARE, &SQUARE_CAP, 0.04);
     let corners: Vec<[f64; 3]> = corners.into_iter().map(|[x, y, z]| [0.001 * x, 0.001 * y, z]).collect();
     obj(&folder.join("repeated.obj"), (corners.clone(), [triangles.as_slice(); 500].concat()));
-    let link = |place: usize| {
-        format!("<link name='l{place}'><collision><geometry><box size='.02 .02 .02'/></geometry></collision></link>")
-    };
-    let joint = |place: usize| format!("<joint><parent link='l{}'/><child link='l{place}'/></joint>", place - 1);
-    let chain: String = (0..999).map(link).chain((1..999).map(joint)).collect();
-    fs::write(folder.join("chain.urdf"), format!("<robot>{chain}</robot>")).unwrap();
-    let classes: String = (0..5_000).map(|place| format!("<default class='c{place}'/>")).collect();
-    let geoms = "<geom class='c4999' type='box' size='.01 .01 .01'/>".repeat(20_000);
-    fs::write(
-        folder.join("classes.xml"),
-        format!("<mujoco><default>{classes}</default><worldbody><body>{geoms}</body></worldbody></mujoco>"),
-    )
-    .unwrap();
     for name in ["a", "b", "c"] {
         std::os::unix::fs::symlink(&folder, folder.join(name)).unwrap();
     }
     let imported = ["import-objects", "meshes", "--scale", "1", "--out", "x.toml", "--json", "--mass", "0.1"];
     let told: Value = serde_json::from_str(&check_ok(&program(&dir, &imported))).unwrap();
     let objects = told["objects"].as_array().unwrap();
-    assert_eq!(objects.len(), 3, "each once, though three links lead back: {told}");
+    assert_eq!(objects.len(), 1, "once, though three links lead back: {told}");
     assert!(objects.iter().all(|object| object["triangles"] == 12), "what is there many times counts once: {told}");
 }
 
@@ -368,48 +355,14 @@ fn folders_within_folders_name_what_files_do_not() {
 }
 
 #[test]
-fn a_description_is_one_body_of_its_links() {
+fn descriptions_are_left_out_and_named_with_who_reads_them() {
     let dir = with_meshes();
-    // A cube of 40 mm and, turned by a quarter and 60 mm along x, a plate of 20 x 40 x 10 mm on a joint.
-    let robot = r#"<?xml version="1.0"?><robot name="two"><!-- links -->
-        <link name="base"><inertial><mass value="0.2"/></inertial>
-            <visual><geometry><box size="9 9 9"/></geometry></visual>
-            <collision><geometry><mesh filename="package://parts/Cube.obj" scale="0.001 0.001 -0.001"/></geometry></collision>
-        </link>
-        <link name="plate"><inertial><mass value="0.1"/></inertial>
-            <collision><origin rpy="0 0 1.5707963267948966"/><geometry><box size="0.02 0.04 0.01"/></geometry></collision>
-        </link>
-        <joint name="j" type="fixed"><parent link="base"/><child link="plate"/><origin xyz="0.06 0.02 -0.005"/></joint></robot>"#;
-    let folder = dir.path().join("urdf/parts");
-    fs::create_dir_all(&folder).unwrap();
-    fs::rename(dir.path().join("meshes/Cube.obj"), folder.join("Cube.obj")).unwrap();
-    fs::write(folder.join("two.urdf"), robot).unwrap();
-    let import = || program(&dir, &["import-objects", "urdf", "--out", "x.toml", "--json", "--force"]);
-    let told: Value = serde_json::from_str(&check_ok(&import())).unwrap();
-    assert_eq!(told["objects"].as_array().unwrap().len(), 1, "the cube is a part: {told}");
-    let body = &told["objects"][0];
-    let near = |got: &Value, expected: f64| {
-        assert!((got.as_f64().unwrap() - expected).abs() < 1e-6 * expected.abs().max(1.0), "{got}");
-    };
-    near(&body["mass_kg"], 0.3);
-    near(&body["volume_m3"], 0.04_f64.powi(3) + 0.02 * 0.04 * 0.01);
-    for (axis, expected) in [0.08, 0.04, 0.04].into_iter().enumerate() {
-        near(&body["extents_m"][axis], expected);
-    }
-    assert!((body["parts_volume_share"].as_f64().unwrap() - 1.0).abs() < 0.05, "{body}");
-    fs::write(folder.join("two.urdf"), robot.replace("</robot>", "")).unwrap();
-    check_fails(&import(), 66, &["left out: not a whole URDF file", "two.urdf"]);
-    fs::write(folder.join("two.urdf"), robot.replace("box size=\"0.02 0.04 0.01\"", "box size=\"0.02 0.04\"")).unwrap();
-    check_fails(&import(), 65, &["size of box", "got \"0.02 0.04\""]);
-    fs::write(folder.join("two.urdf"), robot.replace("mass value=\"0.1\"", "mass value=\"-0.1\"")).unwrap();
-    check_fails(&import(), 65, &["value of mass", "-0.1"]);
-    let deep = format!("<robot>{}{}</robot>", "<a>".repeat(100_000), "</a>".repeat(100_000));
-    fs::write(folder.join("two.urdf"), deep).unwrap();
-    check_fails(&import(), 66, &["left out", "1000 deep", "two.urdf"]);
-    let far = r#"<mujoco><worldbody><body><geom type="box" size="1 1 1" quat="1e308 1e308 0 0"/></body></worldbody></mujoco>"#;
-    fs::remove_file(folder.join("two.urdf")).unwrap();
-    fs::write(folder.join("far.xml"), far).unwrap();
-    check_fails(&import(), 66, &["left out", "quat of geom", "1e30"]);
+    fs::write(dir.path().join("meshes/robot.urdf"), "<robot/>").unwrap();
+    fs::write(dir.path().join("meshes/model.xml"), "<?xml version='1.0'?>\n<mujoco>\n</mujoco>").unwrap();
+    fs::write(dir.path().join("meshes/package.xml"), "<package/>").unwrap();
+    let told = import(&dir, &[]);
+    check_fails(&told, 66, &["the program of the Python package reads descriptions", "robot.urdf", "model.xml"]);
+    assert!(!String::from_utf8_lossy(&told.stderr).contains("package.xml"));
 }
 
 #[test]
