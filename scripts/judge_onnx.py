@@ -142,44 +142,6 @@ class Judge:
         return self.session.run(["outcomes"], inputs)[0]
 
 
-def picture(judge, tsdf, hand, path):
-    """What the network is given of a hand: the middle slice of its crop (y to the right, the approach downwards)."""
-    from PIL import Image, ImageDraw
-
-    position, turn = hand
-    crop = judge.crop(tsdf, np.asarray(position, dtype=np.float64), rotation(turn))
-    names = ["distance", "observed share", "height over the table", "distance to the hand"]
-    cell, gap, top = 14, 24, 26
-    size = (4 * BOX[1] * cell + 5 * gap, BOX[2] * cell + top + gap)
-    image = Image.new("RGB", size, "white")
-    draw = ImageDraw.Draw(image)
-    low, high = np.array([178, 24, 43]), np.array([33, 102, 172])
-    for number, (name, channel) in enumerate(zip(names, crop)):
-        left = gap + number * (BOX[1] * cell + gap)
-        draw.text((left, 8), name, fill="black")
-        for (y, z), value in np.ndenumerate(channel[BOX[0] // 2]):
-            end = low if value < 0 else high
-            colour = np.array([247, 247, 247]) * (1 - abs(value)) + end * abs(value)
-            unseen = number == 0 and crop[1][BOX[0] // 2, y, z] == 0
-            colour = np.array([190, 190, 190]) if unseen else colour
-            at = (left + y * cell, top + z * cell)
-            draw.rectangle([*at, at[0] + cell - 1, at[1] + cell - 1], fill=tuple(int(c) for c in colour))
-        # The outline of what the hand sweeps in this slice.
-        inside = judge.to_hand_m[BOX[0] // 2] <= 0
-        for y, z in np.argwhere(inside):
-            x0, y0 = left + y * cell, top + z * cell
-            for dy, dz, line in (
-                (-1, 0, [x0, y0, x0, y0 + cell]),
-                (1, 0, [x0 + cell, y0, x0 + cell, y0 + cell]),
-                (0, -1, [x0, y0, x0 + cell, y0]),
-                (0, 1, [x0, y0 + cell, x0 + cell, y0 + cell]),
-            ):
-                to = (y + dy, z + dz)
-                if not (0 <= to[0] < BOX[1] and 0 <= to[1] < BOX[2]) or not inside[to]:
-                    draw.line(line, fill="black", width=2)
-    image.save(path)
-
-
 def hands_of(path):
     """The hands in a file, as (position, quaternion)."""
     with open(path, encoding="utf-8") as file:
@@ -196,7 +158,6 @@ def main():
     parser.add_argument("hands", help="JSON file of hands, or a plan")
     parser.add_argument("--views", type=int, default=6, help="number of views from which the TSDF was made")
     parser.add_argument("--gripper", help="the hand's file, for a judge of many hands")
-    parser.add_argument("--picture", help="PNG of what the network is given of the first hand")
     arguments = parser.parse_args()
     hand = arguments.gripper and tomllib.loads(Path(arguments.gripper).read_text(encoding="utf-8"))
     judge = Judge(arguments.judge, hand)
@@ -204,8 +165,6 @@ def main():
     hands = hands_of(arguments.hands)
     if not hands:
         sys.exit("no hands: " + arguments.hands)
-    if arguments.picture:
-        picture(judge, tsdf, hands[0], arguments.picture)
     print("  ".join(["hand", *OUTCOMES]))
     for number, row in enumerate(judge.outcomes(tsdf, hands, arguments.views)):
         print(f"{number:4}  " + "  ".join(f"{value:{len(name)}.3f}" for name, value in zip(OUTCOMES, row)))

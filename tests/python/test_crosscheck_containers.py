@@ -250,12 +250,13 @@ def test_walls_stand_where_graspmill_renders_them(walled, factor):
 @pytest.mark.parametrize("name", engines.ENGINES)
 def test_another_engine_gives_the_same_labels_among_walls(walled, name, capsys, factor):
     _, _, data = walled
-    data = replace(data, scenes=[one for one in data.scenes if one.fixtures][: 3 * factor])
+    some = 3 if name == "pybullet" and factor == 1 else SCENES  # it takes five times as long
+    data = replace(data, scenes=[one for one in data.scenes if one.fixtures][:some])
     report = cli.run(data, [name], seed=1, with_ceiling=False)
     found = report.engines[name]
     with capsys.disabled():
         print(f"\n{name}: same gate {found.same.overall}, outcomes {found.same.outcome_share}, own {found.own.overall}")
-    assert found.same.overall.count >= (120 if factor == 1 else 300) and len(data.scenes) < SCENES
+    assert found.same.overall.count >= (120 if some < SCENES else 300) and len(data.scenes) < SCENES
     assert any(attempt.hit == "container" for attempt in report.rows.attempts)
     assert report.gate_differences == []
     assert found.same.outcome_share >= 0.95 and found.same.overall.share >= 0.97

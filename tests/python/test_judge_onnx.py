@@ -79,11 +79,10 @@ def test_an_export_says_what_it_was_trained_for(folder):
     }
 
 
-def test_a_picture_of_what_the_network_is_given(folder):
-    arguments = [folder / "judge.onnx", folder / "scene.npy", folder / "plan.json", "--picture", folder / "seen.png"]
+def test_the_script_prints_the_outcomes(folder):
+    arguments = [folder / "judge.onnx", folder / "scene.npy", folder / "plan.json"]
     script = [sys.executable, ROOT / "scripts/judge_onnx.py", *arguments]
     done = subprocess.run([str(word) for word in script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0].split() == ["hand", *OUTCOMES] and len(lines) > 10
-    assert (folder / "seen.png").stat().st_size > 1_000

@@ -166,7 +166,11 @@ def test_memory_does_not_follow_the_rows(tmp_path):
 SPECIAL = [INFO, MANIFEST, CARD, LAST, "meta/shards/00001.json", "objects/shard-00000-of-00002.parquet"]
 KINDS = ["fifo", "zero", "sparse", "loop"]
 #: All pairs in a long run; in a short one each file once, and each kind.
-REPLACED = [pytest.param(name, kind, marks=[] if a % 4 == b else pytest.mark.long) for a, name in enumerate(SPECIAL) for b, kind in enumerate(KINDS)]
+REPLACED = [
+    pytest.param(name, kind, marks=[] if a % 4 == b else pytest.mark.long)
+    for a, name in enumerate(SPECIAL)
+    for b, kind in enumerate(KINDS)
+]
 
 
 @pytest.mark.parametrize(("name", "kind"), REPLACED)
