@@ -95,9 +95,8 @@ class Chaos:
         """Processes killed or asked to stop, and nodes lost, over about the undisturbed run time."""
         self.cluster = cluster
         self.dice = random.Random(SEED)
-        self.left = ["kill"] * kills + ["stop"] * stops + ["lose"] * losses
-        self.kills = kills
-        self.dice.shuffle(self.left)
+        self.all = ["kill"] * kills + ["stop"] * stops + ["lose"] * losses
+        self.kills, self.left = kills, self.dice.sample(self.all, len(self.all))
         self.every_s = work_s / len(self.left)
         self.dealt = Counter()
         self.lost = {}  # nodes, and when their tasks go on
@@ -115,8 +114,7 @@ class Chaos:
         self.cluster.call("scancel", job, check=False)
 
     def strike(self):
-        if not self.left:
-            return
+        self.left = self.left or self.dice.sample(self.all, len(self.all))  # until there were enough
         blow = self.left[-1]
         if self.lose_node() if blow == "lose" else self.hit_generator(blow):
             self.dealt[self.left.pop()] += 1
