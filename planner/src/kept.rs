@@ -54,7 +54,7 @@ impl KeptScene {
     /// # Errors
     /// If an image's size differs from its intrinsics, or its depths cannot be metres.
     pub fn observe(&mut self, mut view: View) -> Result<(), InputError> {
-        must_fit((0, &view))?;
+        must_fit(0, &view)?;
         self.warnings.extend(check_image(&view.image)?);
         if let Some(table) = &self.table {
             view.camera.workspace_from_camera = table.workspace_from_first * view.camera.workspace_from_camera;

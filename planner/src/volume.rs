@@ -77,7 +77,7 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
     let (Workspace::Cube(grid) | Workspace::Seen(_, grid)) = workspace;
     match observation {
         Observation::Views(views) => {
-            views.iter().enumerate().try_for_each(must_fit)?;
+            views.iter().enumerate().try_for_each(|(number, view)| must_fit(number, view))?;
             let mut warnings = Vec::new();
             let views = scaled(views, workspace, params, &mut warnings);
             let above = seen_off_table(workspace, &views);
@@ -167,7 +167,8 @@ fn far_off(number: usize, factor: f32) -> Option<String> {
 }
 
 /// Whether an image has its lens's pixels.
-pub(crate) fn must_fit((number, View { image, camera, .. }): (usize, &View)) -> Result<(), InputError> {
+pub(crate) fn must_fit(number: usize, view: &View) -> Result<(), InputError> {
+    let View { image, camera, .. } = view;
     let lens = camera.intrinsics;
     let (got, expected) = ([image.width_px, image.height_px], [lens.width_px, lens.height_px]);
     if got == expected && image.depth_m.len() == got[0] * got[1] {

@@ -25,7 +25,7 @@ from .experiments import Look, NoAnswer
 
 #: Most grasps of an object that are asked for.
 GRASPS = 100
-#: Fewest points of an object that is asked about, if a server does not say; most points of a request, whatever a server takes.
+#: Fewest points of an object that is asked about, if a server does not say; most points of a request.
 POINTS_MIN, POINTS_MAX = 128, 65_536
 ANSWER_BYTES_MAX = 64 << 20
 #: The rows of a rotation, and a server's axes, have length 1 and are at right angles but for this.

@@ -80,8 +80,8 @@ impl Planner {
         Ok(Self { planner: Arc::new(free(py, made)?), threads })
     }
 
-    /// The workspace of a request, by default the network's: its side in metres, voxels along a side, the table's height in
-    /// metres.
+    /// The workspace of a request, by default the network's: its side in metres, voxels along a side, the table's
+    /// height in metres.
     fn grid(&self, request: Option<Request>) -> PyResult<(f32, usize, f32)> {
         let options = request.map(|request| request.options()).transpose()?.unwrap_or_default();
         let grid = options.workspace(&self.planner.grid);

@@ -8,26 +8,26 @@ use workspace_tests::{SourceFile, assert_none, files, member_folders};
 /// Lines of Rust code by folder, without tests, comments and blanks.
 const RUST_MAX: &[(&str, usize)] = &[
     ("settings", 660),
-    ("schema", 1956),
+    ("schema", 1920),
     ("program", 490),
-    ("report", 1947),
-    ("shards", 4368),
-    ("inspect", 1940),
-    ("simulator", 4838),
-    ("perception", 2786),
-    ("grasps", 511),
-    ("network", 3001),
-    ("generator", 5432),
-    ("trainer", 3340),
-    ("planner", 5874),
-    ("experiments", 1606),
-    ("cli", 4147),
-    ("python", 1738),
+    ("report", 1936),
+    ("shards", 4291),
+    ("inspect", 1448),
+    ("simulator", 4845),
+    ("perception", 2790),
+    ("grasps", 520),
+    ("network", 2698),
+    ("generator", 4511),
+    ("trainer", 3410),
+    ("planner", 5847),
+    ("experiments", 1304),
+    ("cli", 3887),
+    ("python", 1722),
 ];
 
 /// Lines of Python by folder, without comments and blanks; docstrings count.
 const PYTHON_MAX: &[(&str, usize)] =
-    &[("python/graspmill", 5572), ("scripts", 4248), ("lab", 1452), ("ros2", 567), ("tests/python", 10028)];
+    &[("python/graspmill", 6140), ("scripts", 3768), ("lab", 808), ("ros2", 567), ("tests/python", 9879)];
 
 /// The lines of a Rust file that count: not blank, not a comment, and not of an item under `#[cfg(test)]`. The
 /// formatter ends an item with a line that is as deep as its first one.
