@@ -8,12 +8,12 @@ import sys
 import tempfile
 from pathlib import Path
 
-from . import _native
 from ._arrays import quaternions
 from .errors import GraspmillError, InputError
 from .formats import grasps as grasp_files
 from .formats._files import module
-from .object_grasps import ObjectGrasps, read_grasps
+from .formats.objects import run_native
+from .object_grasps import ObjectGrasps
 
 #: Exit codes after which the sets are there: all, or those of the inputs that could be used.
 WHOLE = (0, 66)
@@ -37,14 +37,14 @@ def run(words: list[str]) -> int:
         parser.add_argument(option)
     parser.add_argument("--gripper", default="parallel_jaw_80")
     given, rest = parser.parse_known_args(words)
-    native = ["graspmill", "objects", "annotate", *rest, "--gripper", given.gripper]
+    native = ["objects", "annotate", *rest, "--gripper", given.gripper]
     native += [] if given.out is None else ["--out", given.out]
     try:
         formats = _formats(given.format)
         with tempfile.TemporaryDirectory() as folder:
             if given.relabel is not None:
                 native += _neutral(given.relabel, given.gripper, folder, has_scale=any(word.split("=")[0] == "--scale" for word in rest))
-            code = _native.run_program(native)
+            code = run_native(native)
         if code in WHOLE and given.out is not None:
             _convert(Path(given.out), formats)
         return code
@@ -71,10 +71,10 @@ def _neutral(file: str, gripper: str, folder: str, *, has_scale: bool) -> list[s
     if file.endswith(".parquet"):
         return ["--relabel", file]
     try:
-        grasps = read_grasps(file)
+        grasps = grasp_files.read(file)
     except InputError:
         # The file may not say where the hand's tips are.
-        grasps = read_grasps(file, gripper=gripper)
+        grasps = grasp_files.read(file, gripper=gripper)
     arrow, parquet = module("pyarrow", "--relabel"), module("pyarrow.parquet", "--relabel")
     turned = quaternions(grasps.object_from_grasp[:, :3, :3])
     numbers = [*grasps.object_from_grasp[:, :3, 3].T, *turned.T]

@@ -19,7 +19,9 @@ def run(words: list[str]) -> int | None:
     if words[:2] in _EXPORT and not is_help and {"onnx", "--format=onnx"} & set(words):
         return _ended(lambda: _export_onnx(words[2:]))
     if words[:2] in _OBJECTS and not is_help:
-        return _ended(lambda: _with_descriptions(words))
+        from .formats.objects import run_native
+
+        return _ended(lambda: run_native(words))
     return None
 
 
@@ -45,13 +47,3 @@ def _export_onnx(words: list[str]) -> int:
     given = parser.parse_args(words)
     print(f"{onnx.write(given.checkpoint, given.out, given.force)}\nwritten     {given.out}")
     return 0
-
-
-def _with_descriptions(words: list[str]) -> int:
-    """Reads the descriptions among the words, and in the folders that they name, for the native program."""
-    from . import _native
-    from .formats import objects
-
-    with objects.described(word for word in words[2:] if not word.startswith("-")) as described:
-        more = [] if described is None else ["--described", described]
-        return _native.run_program(["graspmill", *words[:2], *more, *words[2:]])

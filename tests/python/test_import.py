@@ -281,6 +281,7 @@ def test_the_inertia_of_a_model_is_mujocos(tmp_path):
         (("<worldbody>", '<include file="a.xml"/><worldbody>'), "a.xml"),
         (("<worldbody>", '<include file="model.xml"/><worldbody>'), "model.xml"),
         (("<mujoco>", "<mujocoinclude>"), "mujocoinclude"),
+        (("<geom mass", '<replicate count="100000"><geom size="0.01 0.01 0.01"/></replicate><geom mass'), "at most 10000 elements"),
         (("</mujoco>", ""), "XML"),
     ],
 )

@@ -51,6 +51,16 @@ def described(places: Iterable[str]) -> Iterator[str | None]:
         yield str(listed)
 
 
+def run_native(words: list[str]) -> int:
+    """Runs the native command of these words, for which the descriptions among them, and in folders, are read; returns
+    its exit code."""
+    from ... import _native
+
+    with described(word for word in words[2:] if not word.startswith("-")) as listed:
+        more = [] if listed is None else ["--described", listed]
+        return _native.run_program(["graspmill", *words[:2], *more, *words[2:]])
+
+
 def _descriptions(place: str) -> Iterator[str]:
     if os.path.isfile(place) and is_description(place):
         yield place

@@ -5,13 +5,27 @@ Shapes of the world are an object's surroundings, unless the model has no bodies
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from ..._robots import Floats, mujoco_module, surface_of
+from ...errors import InputError
+
+#: Most elements of a model, with those that ``replicate`` makes: MuJoCo needs minutes for more, and cannot be stopped.
+ELEMENTS_MAX = 10_000
+
+
+def _count(element: ET.Element) -> int:
+    times = int(element.get("count", "1")) if element.tag == "replicate" else 1
+    return times * (1 + sum(map(_count, element)))
 
 
 def _spec(path: Path) -> Any:
+    with suppress(ET.ParseError):  # MuJoCo says what is wrong
+        if (count := _count(ET.parse(path).getroot())) > ELEMENTS_MAX:
+            raise InputError(f"a model has at most {ELEMENTS_MAX} elements, got {count}")
     return mujoco_module().MjSpec.from_file(str(path))
 
 
