@@ -5,19 +5,19 @@
 # are built. Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless
 # --rust-only. Python packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the
 # tests that need it; scripts/site.sh, which is a step, has a venv of its own. --long: also the long versions of the
-# Python tests, those marked `long`: ten times as many faults, attacks and hostile datasets, an hour more. As root on
-# Debian or Ubuntu, Slurm, strace, faketime, Chromium, zsh and fish are installed, too; elsewhere the tests that need
-# them are skipped with a message, and so is that of real captures where GRASPMILL_REAL names none (by default
-# ../shared/real, if that exists). With GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every step runs even if an
-# earlier one failed, unless it depends on it. The table at the end lists the results and times. Exit code: 0 if all
-# passed, 1 if a step failed, 2 if the arguments are wrong.
+# Python tests, those marked `long`: ten times as many faults, attacks and hostile datasets, an hour more; and the fuzz
+# targets compile. As root on Debian or Ubuntu, Slurm, strace, faketime, Chromium, zsh and fish are installed, too;
+# elsewhere the tests that need them are skipped with a message, and so is that of real captures where GRASPMILL_REAL
+# names none (by default ../shared/real, if that exists). With GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every
+# step runs even if an earlier one failed, unless it depends on it. The table at the end lists the results and times.
+# Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 rust_only=no
 quick=no
 without=
-marked='not long'
+long=no marked='not long'
 GRASPMILL_MISSING=
 requirements=(scripts/requirements.txt scripts/requirements-golden.txt)
 case "${1-}" in
@@ -25,7 +25,7 @@ case "${1-}" in
     --quick) quick=yes ;;
     --rust-only) rust_only=yes ;;
     --no-torch) requirements=(scripts/requirements.txt); without=torch ;;
-    --long) marked='long or not long' ;;
+    --long) long=yes marked='long or not long' ;;
     *) echo "usage: scripts/test.sh [--quick|--rust-only|--no-torch|--long]" >&2; exit 2 ;;
 esac
 
@@ -230,9 +230,9 @@ else
     [[ $rust_only == yes ]] || joined venv site
     GRASPMILL_MISSING=$(lacking)
     export GRASPMILL_MISSING
-    beside fuzz fuzz # a third of the tests' time goes to waiting
+    [[ $long == no ]] || beside fuzz fuzz # a third of the tests' time goes to waiting
     step test build cargo test --workspace --no-fail-fast
-    joined fuzz
+    [[ $long == no ]] || joined fuzz
     step clippy '' cargo clippy --workspace --all-targets -- -D warnings
     step docs '' docs
     step advisories '' advisories
