@@ -61,11 +61,22 @@ impl<'a> AttemptWorld<'a> {
     /// attempts.
     #[must_use]
     pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
+        Self::with_inertia(physics, gripper, procedure, scene, 0.0)
+    }
+
+    /// As [`Self::new`], and no object is less sluggish than one of `inertia_kg_min`.
+    pub(crate) fn with_inertia(
+        physics: &'a Physics,
+        gripper: &'a Gripper,
+        procedure: &'a Procedure,
+        scene: &Scene,
+        inertia_kg_min: f32,
+    ) -> Self {
         let Scene { objects, fixtures, .. } = scene;
         let objects = match physics.engine {
-            Engine::Stepper => Objects::Stepper(Things::of(objects, fixtures)),
+            Engine::Stepper => Objects::Stepper(Things::of(objects, fixtures, inertia_kg_min)),
             Engine::Rapier => Objects::Rapier(RapierThings {
-                bodies: objects.iter().map(|o| (EngineBody::of(o), o.workspace_from_object)).collect(),
+                bodies: objects.iter().map(|o| (EngineBody::of(o, inertia_kg_min), o.workspace_from_object)).collect(),
                 fixtures: fixtures.clone(),
             }),
         };

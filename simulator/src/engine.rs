@@ -50,20 +50,24 @@ pub(crate) struct EngineBody {
     shape: SharedShape,
     pub(crate) mass_properties: MassProperties,
     friction: f32,
+    /// Share of its inertia that has weight.
+    pub(crate) weight_share: f32,
 }
 
 impl EngineBody {
-    pub(crate) fn new(body: &Body, mass_kg: f32, friction: f32) -> Self {
+    /// A body; one that is lighter than `inertia_kg_min` is as sluggish as one of that mass.
+    pub(crate) fn new(body: &Body, mass_kg: f32, friction: f32, inertia_kg_min: f32) -> Self {
         let (shape, mut mass_properties) = match body {
             Body::Solid(solid) => with_mass_properties(shape_of(solid, UNITS_PER_M)),
             Body::Compound(compound) => joined(compound),
         };
-        mass_properties.set_mass(mass_kg, true);
-        Self { shape, mass_properties, friction }
+        let inertia_kg = mass_kg.max(inertia_kg_min);
+        mass_properties.set_mass(inertia_kg, true);
+        Self { shape, mass_properties, friction, weight_share: mass_kg / inertia_kg }
     }
 
-    pub(crate) fn of(object: &SceneObject) -> Self {
-        Self::new(&object.body, object.mass_kg, object.friction)
+    pub(crate) fn of(object: &SceneObject, inertia_kg_min: f32) -> Self {
+        Self::new(&object.body, object.mass_kg, object.friction, inertia_kg_min)
     }
 }
 
@@ -176,6 +180,7 @@ impl World {
         is_awake: bool,
     ) -> RigidBodyHandle {
         let body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object));
+        let body = body.gravity_scale(engine_body.weight_share);
         let mut body = body.can_sleep(!is_awake).build();
         if !is_awake {
             // Once awake, it stays awake.
@@ -320,7 +325,7 @@ mod tests {
     /// Mass in kg, centre of mass in m, and inertia about it in kg m², all as the engine has them in a body of a world.
     fn mass_of(body: &Body, mass_kg: f32) -> (f32, Vec3, Mat3) {
         let mut world = World::new(&Physics::FAITHFUL, Vec3::ZERO);
-        let handle = world.add_object(&EngineBody::new(body, mass_kg, 1.0), Pose::IDENTITY, true);
+        let handle = world.add_object(&EngineBody::new(body, mass_kg, 1.0, 0.0), Pose::IDENTITY, true);
         world.step(&mut PhysicsPipeline::new());
         let found = world.bodies[handle].mass_properties().local_mprops;
         let inertia = found.reconstruct_inertia_matrix() * (1.0 / (UNITS_PER_M * UNITS_PER_M));

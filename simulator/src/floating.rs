@@ -10,6 +10,7 @@ use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Quat, Vec3};
 
 use crate::attempt::{AttemptWorld, Execution, Objects, Stopping};
 use crate::bodies::{AttemptEngine as _, Bodies as _};
+use crate::mass_scaling::inertia_kg_min;
 use crate::shortcuts::FreeClosing;
 use crate::stepper::{Jaws, Stepper, Turning};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
@@ -123,7 +124,8 @@ impl<'a> FloatingWorld<'a> {
         assert!(physics.engine == Engine::Stepper, "floating objects are the stepper's");
         let object = SceneObject { body: body.clone(), mass_kg, friction, workspace_from_object: Pose::IDENTITY };
         let scene = Scene { table_z_m: -FAR_M, fixtures: Vec::new(), objects: vec![object] };
-        Self { world: AttemptWorld::new(physics, gripper, procedure, &scene) }
+        let inertia_kg_min = inertia_kg_min(physics, gripper);
+        Self { world: AttemptWorld::with_inertia(physics, gripper, procedure, &scene, inertia_kg_min) }
     }
 
     /// Closes the hand at a grasp in the object's frame; or how the attempt ended before anything was between the

@@ -52,6 +52,7 @@ mod faceted;
 mod floating;
 mod gate;
 mod hand;
+mod mass_scaling;
 mod obstruction;
 mod scene;
 mod settle;

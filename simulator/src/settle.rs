@@ -139,8 +139,8 @@ struct Pile<'a> {
 /// Fixtures and objects as the stepper wants them; none where rapier is asked.
 fn things(physics: &Physics, fixtures: &[Polyhedron], objects: &[SceneObject]) -> Things {
     match physics.engine {
-        Engine::Stepper => Things::of(objects, fixtures),
-        Engine::Rapier => Things::of(&[], &[]),
+        Engine::Stepper => Things::of(objects, fixtures, 0.0),
+        Engine::Rapier => Things::of(&[], &[], 0.0),
     }
 }
 
@@ -158,7 +158,7 @@ impl<'a> Pile<'a> {
         let heap: Box<dyn PileEngine + 'a> = match physics.engine {
             Engine::Stepper => Box::new(Stepper::pile(&settling, params.damping_1_s, things, grid.table_z_m)),
             Engine::Rapier => {
-                let objects = objects.iter().map(EngineBody::of).collect();
+                let objects = objects.iter().map(|object| EngineBody::of(object, 0.0)).collect();
                 Box::new(RapierPile::new(&settling, params, objects, fixtures, grid.table_z_m))
             }
         };

@@ -80,6 +80,7 @@ struct Body {
     speeds: Motion,
     /// The integral of that since the step began.
     ways: Motion,
+    weight_share: f32,
     is_awake: bool,
 }
 
@@ -99,6 +100,7 @@ impl Body {
             spin_rad_s: Vec3::ZERO,
             speeds: Motion::default(),
             ways: Motion::default(),
+            weight_share: thing.weight_share,
             is_awake,
         };
         body.place(thing);
@@ -131,6 +133,7 @@ impl Body {
         let from_pivot_m = self.answer.centre_m + way_m - pivot_m;
         let linear_m_s2 =
             -change.cross(from_pivot_m) - rate.cross(rate.cross(from_pivot_m)) - 2.0 * rate.cross(velocity_m_s);
+        let time_s = time_s * self.weight_share;
         self.speeds.linear += lanes(linear_m_s2 * time_s);
         let axes = self.answer.principal;
         let along = |v: Vec3| Vec3::from_array(axes.map(|axis| axis.dot(v)));
@@ -420,6 +423,7 @@ impl<'a> Stepper<'a> {
         for substep in 0..self.substeps {
             let begun_s = substep as f32 * substep_s;
             for body in self.bodies.iter_mut().filter(|body| body.is_awake) {
+                let gained = gained * f32x4::splat(body.weight_share);
                 body.speeds.linear = (body.speeds.linear + gained) * f32x4::splat(kept);
                 body.speeds.angular *= f32x4::splat(kept);
             }

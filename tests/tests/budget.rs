@@ -13,7 +13,7 @@ const RUST_MAX: &[(&str, usize)] = &[
     ("report", 1936),
     ("shards", 4291),
     ("inspect", 1448),
-    ("simulator", 4845),
+    ("simulator", 4877),
     ("perception", 2790),
     ("grasps", 520),
     ("network", 2698),

@@ -14,10 +14,10 @@ pub(crate) struct Things {
 }
 
 impl Things {
-    /// Objects and fixtures of a scene.
-    pub(crate) fn of(objects: &[SceneObject], fixtures: &[Polyhedron]) -> Self {
+    /// Objects and fixtures of a scene; no object is less sluggish than one of `inertia_kg_min`.
+    pub(crate) fn of(objects: &[SceneObject], fixtures: &[Polyhedron], inertia_kg_min: f32) -> Self {
         Self {
-            moving: objects.iter().map(Thing::of).collect(),
+            moving: objects.iter().map(|object| Thing::of(object, inertia_kg_min)).collect(),
             fixtures: fixtures.iter().map(|fixture| Part::new(fixture, false)).collect(),
         }
     }
@@ -55,7 +55,10 @@ pub(crate) fn span(points: &[Wide3], axis: Vec3) -> [f32; 2] {
 /// An object, in its own frame.
 pub(super) struct Thing {
     pub(super) parts: Vec<Part>,
+    /// Its inertia.
     pub(super) mass_kg: f32,
+    /// Share of that which has weight.
+    pub(super) weight_share: f32,
     pub(super) friction: f32,
     /// Centre of mass.
     pub(super) centre_m: Vec3,
@@ -115,9 +118,10 @@ pub(super) struct FaceOf {
 
 impl Thing {
     /// An object; its mass properties are rapier's.
-    pub(super) fn of(object: &SceneObject) -> Self {
+    pub(super) fn of(object: &SceneObject, inertia_kg_min: f32) -> Self {
         let SceneObject { body, mass_kg, friction, workspace_from_object } = object;
-        let mass = EngineBody::new(body, *mass_kg, *friction).mass_properties;
+        let EngineBody { mass_properties: mass, weight_share, .. } =
+            EngineBody::new(body, *mass_kg, *friction, inertia_kg_min);
         let units = UNITS_PER_M;
         let is_solid = |part: usize| match body {
             Body::Solid(_) => true,
@@ -132,6 +136,7 @@ impl Thing {
             radius_m: corners_m.map(|c| (*c - centre_m).length()).fold(0.0, f32::max),
             parts,
             mass_kg: mass.mass(),
+            weight_share,
             friction: *friction,
             centre_m,
             root_inverse_inertia: Vec3::new(1.0 / moments.x.sqrt(), 1.0 / moments.y.sqrt(), 1.0 / moments.z.sqrt()),

@@ -24,7 +24,7 @@ fn gripper() -> Gripper {
 
 fn thing(kind: ShapeKind, extents_m: Vec3, mass_kg: f32, friction: f32, pose: Pose) -> Thing {
     let body = Solid::new(kind, extents_m).unwrap().into();
-    Thing::of(&SceneObject { body, mass_kg, friction, workspace_from_object: pose })
+    Thing::of(&SceneObject { body, mass_kg, friction, workspace_from_object: pose }, 0.0)
 }
 
 fn alone(moving: Vec<Thing>) -> Things {
