@@ -33,6 +33,7 @@ def main() -> int:
 
 def _export(words: list[str]) -> int:
     from graspmill import Dataset, GraspmillError, formats
+    from graspmill._commands import ended
 
     def scenes(text: str) -> list[range]:
         try:
@@ -57,19 +58,15 @@ def _export(words: list[str]) -> int:
         if is_seen:
             print(f"\r{ready:,} scenes", end="", file=sys.stderr, flush=True)
 
-    try:
+    def work() -> int:
         counts = formats.export(Dataset(given.dataset), given.format, given.out, given.scenes, done)["counts"]
         told = {key: f"{count:,}" for key, count in counts.items()}
         print("\r" * is_seen + f"{told['grasps']} grasps ({told['positives']} positive) in {told['scenes']} scenes: {given.out}")
         if counts["left_out"]:
             print(f"left out: {told['left_out']} grasps outside the grid or near its faces, {told['scenes_left_out']} scenes without others")
         return 0
-    except KeyboardInterrupt:
-        why, code = "stopped; the same command continues", 75
-    except GraspmillError as error:
-        why, code = str(error), error.exit_code
-    print(f"error: {why}", file=sys.stderr)
-    return code
+
+    return ended(work)
 
 
 def _asks_another(words: list[str]) -> bool:
@@ -83,7 +80,8 @@ def _experiment(words: list[str]) -> int:
     import signal
     from pathlib import Path
 
-    from graspmill import GraspmillError, _native
+    from graspmill import _native
+    from graspmill._commands import ended
     from graspmill._served import ServedPlanner
     from graspmill.experiments import play
 
@@ -121,19 +119,16 @@ def _experiment(words: list[str]) -> int:
 
     # A job that ends its time is stopped by this signal.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
+
+    def work() -> int:
         planner = ServedPlanner(given.planner, given.planner_timeout_s, given.tip_depth)
         command = shlex.join(["graspmill", *sys.argv[1:]])
         in_short = play(_native.Experiment(given.out, given.config, pairs, planner.id, command, given.threads), planner, told)
         page = given.out / "report.html"
         print("\r" * is_seen + f"{page}  failures and how it was run; also report.json and tables as Parquet\n\n{in_short}", end="")
         return 0
-    except KeyboardInterrupt:
-        why, code = "stopped; the same command continues", 75
-    except GraspmillError as error:
-        why, code = str(error), error.exit_code
-    print("\n" * is_seen + f"error: {why}", file=sys.stderr)
-    return code
+
+    return ended(work, before="\n" * is_seen)
 
 
 if __name__ == "__main__":

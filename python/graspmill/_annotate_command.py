@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 import tempfile
 from pathlib import Path
 
 from ._arrays import quaternions
-from .errors import GraspmillError, InputError
+from ._commands import ended
+from .errors import InputError
 from .formats import grasps as grasp_files
 from .formats._files import module
 from .formats.objects import run_native
@@ -39,7 +39,9 @@ def run(words: list[str]) -> int:
     given, rest = parser.parse_known_args(words)
     native = ["objects", "annotate", *rest, "--gripper", given.gripper]
     native += [] if given.out is None else ["--out", given.out]
-    try:
+
+    def work() -> int:
+        nonlocal native
         formats = _formats(given.format)
         with tempfile.TemporaryDirectory() as folder:
             if given.relabel is not None:
@@ -48,12 +50,8 @@ def run(words: list[str]) -> int:
         if code in WHOLE and given.out is not None:
             _convert(Path(given.out), formats)
         return code
-    except KeyboardInterrupt:
-        why, code = "stopped; the same command continues", 75
-    except GraspmillError as error:
-        why, code = str(error), error.exit_code
-    print(f"error: {why}", file=sys.stderr)
-    return code
+
+    return ended(work)
 
 
 def _formats(names: str | None) -> list[str]:

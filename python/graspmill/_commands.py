@@ -17,22 +17,23 @@ def run(words: list[str]) -> int | None:
     """Runs the command that the words name; returns its exit code, or ``None`` if it is the native half's alone."""
     is_help = bool({"-h", "--help"} & set(words))
     if words[:2] in _EXPORT and not is_help and {"onnx", "--format=onnx"} & set(words):
-        return _ended(lambda: _export_onnx(words[2:]))
+        return ended(lambda: _export_onnx(words[2:]), "stopped")
     if words[:2] in _OBJECTS and not is_help:
         from .formats.objects import run_native
 
-        return _ended(lambda: run_native(words))
+        return ended(lambda: run_native(words), "stopped")
     return None
 
 
-def _ended(work: Callable[[], int]) -> int:
+def ended(work: Callable[[], int], stopped: str = "stopped; the same command continues", before: str = "") -> int:
+    """The exit code of a command's work; what ends it otherwise is said, after what ends a line of progress."""
     try:
         return work()
     except KeyboardInterrupt:
-        why, code = "stopped", 75
+        why, code = stopped, 75
     except GraspmillError as error:
         why, code = str(error), error.exit_code
-    print(f"error: {why}", file=sys.stderr)
+    print(f"{before}error: {why}", file=sys.stderr)
     return code
 
 

@@ -27,7 +27,7 @@ const RUST_MAX: &[(&str, usize)] = &[
 
 /// Lines of Python by folder, without comments and blanks; docstrings count.
 const PYTHON_MAX: &[(&str, usize)] =
-    &[("python/graspmill", 6151), ("scripts", 3768), ("lab", 808), ("ros2", 567), ("tests/python", 9883)];
+    &[("python/graspmill", 6140), ("scripts", 3768), ("lab", 808), ("ros2", 567), ("tests/python", 9883)];
 
 /// The lines of a Rust file that count: not blank, not a comment, and not of an item under `#[cfg(test)]`. The
 /// formatter ends an item with a line that is as deep as its first one.
