@@ -32,19 +32,14 @@ use crate::measured::{Measured, overlap_share, smallest_width_m};
 use crate::mesh_file::{damaged, read_mesh, unusable};
 use crate::models::Models;
 
-/// A mesh is convex if its hull is larger by less than this share.
-const CONVEX_SHARE: f64 = 0.01;
 /// Maximum number of hull corners for measuring the smallest width.
 const WIDTH_CORNERS: usize = 64;
-/// Maximum concavity of a part, as a share of the longest side.
-const CONCAVITY: f32 = 0.002;
 /// Maximum accepted length of the longest side.
 const LONGEST_M: f64 = 10.0;
-/// How much coarser parts become, as a share of the voxels and corners asked for, where finer ones are refused.
+/// How much coarser parts become, as a share of the corners asked for, where finer ones are refused.
 const COARSER: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
-/// Fewest corners of a part, and fewest voxels, which `--corners-max` and `--voxels` can ask for.
+/// Fewest corners of a part, which `--corners-max` can ask for.
 const CORNERS_MIN: usize = 8;
-const VOXELS_MIN: u32 = 16;
 
 /// Density unless given, in kg/m³: hollow plastic, light wood.
 const DENSITY_KG_M3: f64 = 400.0;
@@ -64,12 +59,12 @@ pub struct ImportParams {
     pub each: Option<PathBuf>,
     /// The file in which the Python package says what it made of descriptions.
     pub described: Option<PathBuf>,
-    /// Most convex parts of an object, 1 to 64; 1 makes it its convex hull.
-    pub hulls_max: u8,
+    /// Most convex parts of an object, 1 to 1024; 1 makes it its convex hull.
+    pub hulls_max: u16,
     /// Most corners of a part, 8 to 64; an attempt takes longer with more.
     pub corners_max: u8,
-    /// Voxels along an object's longest side, 16 to 256; objects are cut along voxels.
-    pub voxels: u32,
+    /// Objects are cut until their parts leave the surface by no more than this, in metres.
+    pub tolerance_m: f32,
     /// Test drops of each object; 0 for none.
     pub drops: u32,
     /// Objects that come to rest in a smaller share of their test drops are left out; above 0 also those that do not
@@ -87,9 +82,9 @@ impl Default for ImportParams {
             friction: 0.8,
             each: None,
             described: None,
-            hulls_max: 8,
+            hulls_max: 1024,
             corners_max: 32,
-            voxels: 96,
+            tolerance_m: 0.0008,
             drops: 0,
             rests_min: 0.0,
         }
@@ -247,17 +242,13 @@ impl Import<'_> {
         self.own.scale.unwrap_or(otherwise)
     }
 
-    /// The convex parts, by a share of the voxels and corners that are asked for.
+    /// The convex parts, by a share of the corners that are asked for.
     fn parts(&self, measured: &Measured, share: f64) -> Result<ConvexParts, HullError> {
         let params = self.params;
-        let is_convex =
-            measured.solid.is_some_and(|solid| solid.volume_m3 >= (1.0 - CONVEX_SHARE) * measured.hull_volume_m3);
         let parts = PartsParams {
-            parts_max: if is_convex { 1 } else { params.hulls_max.into() },
+            parts_max: params.hulls_max.into(),
             corners_max: ((share * f64::from(params.corners_max)) as usize).max(CORNERS_MIN),
-            resolution: ((share * f64::from(params.voxels)) as u32).max(VOXELS_MIN),
-            concavity: CONCAVITY,
-            is_closed: measured.solid.is_some() || measured.confused_share.is_some(),
+            tolerance_m: params.tolerance_m / share as f32,
         };
         convex_parts(&measured.corners_m, &measured.mesh.triangles, &parts)
     }
@@ -320,7 +311,7 @@ impl Import<'_> {
         // An open mesh encloses nothing: its parts are thin or full as the voxels find its holes. Its hull is neither.
         let filled_m3 = match (measured.solid, measured.confused_share) {
             (Some(solid), _) => solid.volume_m3,
-            (None, Some(_)) => of_parts.volume_m3,
+            (None, Some(_)) => measured.enclosed_m3,
             (None, None) => measured.hull_volume_m3,
         };
         let mass_kg = mass_kg.unwrap_or(density_kg_m3 * filled_m3);
@@ -347,6 +338,7 @@ impl Import<'_> {
             parts: parts.hulls.len(),
             part_corners_max: parts.hulls.iter().map(|hull| hull.corners_m().len()).max().unwrap_or(0),
             simplified_m: f64::from(parts.simplified_m),
+            filled_m: f64::from(parts.filled_m),
             parts_volume_m3: of_parts.volume_m3,
             parts_volume_share: measured.solid.map(share),
             parts_overlap_share: overlap_share(&parts.hulls),

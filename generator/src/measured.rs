@@ -27,6 +27,8 @@ pub(crate) struct Measured {
     /// The share of what a watertight mesh encloses that lies in several shells or in one that is inside out, if it is
     /// too much for the integrals.
     pub(crate) confused_share: Option<f64>,
+    /// What a watertight mesh encloses, once or more, in cubic metres, along lines.
+    pub(crate) enclosed_m3: f64,
     pub(crate) hull_volume_m3: f64,
 }
 
@@ -39,12 +41,13 @@ impl Measured {
         let was_inside_out = seams.is_watertight() && integrals.volume_m3 < 0.0;
         let mesh = if was_inside_out { mesh.turned_inside_out() } else { mesh };
         let solid = seams.is_watertight().then(|| MassIntegrals::of(mesh.triangles_about(middle_m)));
-        let confused_share =
-            seams.is_watertight().then(|| confused_share(&mesh)).filter(|share| *share > CONFUSED_SHARE);
+        let [confused_share, enclosed_m3] = if seams.is_watertight() { enclosed(&mesh) } else { [0.0; 2] };
+        let confused_share = Some(confused_share).filter(|share| *share > CONFUSED_SHARE);
         let corners_m = mesh.corners_about(middle_m);
         Self {
             seams,
             confused_share,
+            enclosed_m3,
             was_inside_out,
             extents_m: high - low,
             middle_m,
@@ -57,8 +60,8 @@ impl Measured {
 }
 
 /// Of what a watertight mesh encloses the share that it encloses more than once, or inside out: along lines parallel to
-/// z, where the number of shells around a point is not one.
-fn confused_share(mesh: &Mesh) -> f64 {
+/// z, where the number of shells around a point is not one; and the volume that it encloses, in cubic metres.
+fn enclosed(mesh: &Mesh) -> [f64; 2] {
     let [low, high] = mesh.bounds_m();
     let step = (high - low) / LINES as f64;
     // Off the middle of the cells and off their diagonals, where corners and edges are likely to be.
@@ -96,7 +99,7 @@ fn confused_share(mesh: &Mesh) -> f64 {
             confused_m += if matches!(shells, 0 | 1) { 0.0 } else { length_m };
         }
     }
-    if enclosed_m > 0.0 { confused_m / enclosed_m } else { 0.0 }
+    [if enclosed_m > 0.0 { confused_m / enclosed_m } else { 0.0 }, enclosed_m * step.x * step.y]
 }
 
 /// The smallest width of points over the directions in which a hull can be narrowest: normal to a face, or to two

@@ -121,8 +121,9 @@ class Object(Immutable):
         name: str = "mesh",
         mass_kg: float | None = None,
         friction: float = 1.0,
-        parts_max: int = 8,
-        corners_max: int = 64,
+        parts_max: int = 1024,
+        corners_max: int = 32,
+        tolerance_m: float = 0.0008,
     ) -> Object:
         """A triangle mesh, decomposed into convex parts.
 
@@ -133,8 +134,9 @@ class Object(Immutable):
             name: Its name in messages.
             mass_kg: See :meth:`solid`.
             friction: Coulomb coefficient.
-            parts_max: The largest number of convex parts, 1 to 64.
+            parts_max: The largest number of convex parts, 1 to 1024.
             corners_max: The largest number of corners of a part, 8 to 256.
+            tolerance_m: The mesh is cut into more parts until they leave its surface by no more than this, in metres.
         """
         vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else _two(mesh)
         corners = _arrays.floats("mesh vertices", vertices, (None, 3))
@@ -147,14 +149,13 @@ class Object(Immutable):
             raise InputError(f"mesh faces must be from 0 to below the number of vertices, {len(corners)}")
         if not len(triangles):
             raise InputError("mesh faces must not be empty")
-        closed = _is_closed(triangles)
         body = _native.Body.mesh(
             _arrays.text("name", name) or "mesh",
             corners,
             np.ascontiguousarray(triangles, dtype=np.uint32),
-            _arrays.whole("parts_max", parts_max, 1, 64),
+            _arrays.whole("parts_max", parts_max, 1, 1024),
             _arrays.whole("corners_max", corners_max, 8, 256),
-            closed,
+            _arrays.number("tolerance_m", tolerance_m, 0.000_05, 0.01),
         )
         workspace_from_mesh = _arrays.matrices([_arrays.pose("pose", pose)])[0]
         centre = np.eye(4)
@@ -172,14 +173,6 @@ def _two(mesh: Any) -> tuple[Any, Any]:
     except (TypeError, ValueError) as error:
         raise InputError("mesh must be (vertices, faces), or have these attributes") from error
     return vertices, faces
-
-
-def _is_closed(triangles: NDArray[Any]) -> bool:
-    """Whether every edge is between two triangles, once in each direction."""
-    edges = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]).astype(np.int64)
-    count = int(edges.max()) + 1
-    there, back = (np.unique(edges[:, a] * count + edges[:, b]) for a, b in ((0, 1), (1, 0)))
-    return len(there) == len(edges) and np.array_equal(there, back)
 
 
 @dataclass(frozen=True)

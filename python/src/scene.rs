@@ -24,9 +24,9 @@ use crate::pool::{Apart, on_threads};
 const TOGETHER: usize = 2048;
 /// Memory for each of a pose's numbers in [`execute`], in bytes: the poses, and what comes of them.
 const ATTEMPT_BYTES: usize = 24;
-/// Memory for the decomposition of any mesh, in bytes, and for each voxel that one of its triangles crosses.
-const MESH_BYTES: usize = 128 << 20;
-const CROSSING_BYTES: f32 = 96.0;
+/// Memory for the decomposition of any mesh, in bytes, and for each of its triangles.
+const MESH_BYTES: usize = 64 << 20;
+const TRIANGLE_BYTES: usize = 1024;
 
 /// A pose as Python gives it: a position in metres and a quaternion x, y, z, w.
 pub(crate) type Seven = [f32; 7];
@@ -181,7 +181,7 @@ impl Body {
         triangles: PyReadonlyArray2<'_, u32>,
         parts_max: usize,
         corners_max: usize,
-        is_closed: bool,
+        tolerance_m: f32,
     ) -> PyResult<Self> {
         room(8 * (vertices_m.as_array().len() + triangles.as_array().len()))?;
         let corners: Vec<Vec3> =
@@ -191,8 +191,8 @@ impl Body {
         if let Some(corner) = triangles.iter().flatten().find(|corner| **corner as usize >= corners.len()) {
             return Err(wrong(format!("faces must be below the number of vertices, {}, got {corner}", corners.len())));
         }
-        let params = PartsParams { parts_max, corners_max, resolution: 100, concavity: 0.02, is_closed };
-        room(MESH_BYTES + (CROSSING_BYTES * crossings(&corners, &triangles, params.resolution)) as usize)?;
+        let params = PartsParams { parts_max, corners_max, tolerance_m };
+        room(MESH_BYTES + TRIANGLE_BYTES * triangles.len())?;
         let made = move || {
             let parts = convex_parts(&corners, &triangles, &params);
             let refused = |error: String| Failure::new(ExitCode::Config, format!("mesh {name}: {error}"));
@@ -246,17 +246,6 @@ impl Body {
     pub(crate) fn body(&self) -> &simulator::Body {
         &self.body
     }
-}
-
-/// About how many voxels a mesh's triangles cross, each triangle for itself, at least.
-fn crossings(corners_m: &[Vec3], triangles: &[[u32; 3]], resolution: u32) -> f32 {
-    let [low, high] = schema::bounds_m(corners_m);
-    let per_m = resolution as f32 / (high - low).max_element();
-    let crossed = |triangle: &[u32; 3]| {
-        let [a, b, c] = triangle.map(|corner| per_m * corners_m[corner as usize]);
-        (b - a).cross(c - a).length() + (b - a).length() + (c - b).length() + (a - c).length() + 1.0
-    };
-    triangles.iter().map(crossed).sum()
 }
 
 /// Objects on a table.

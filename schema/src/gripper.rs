@@ -214,6 +214,13 @@ impl HandBox {
         centre.z - reach
     }
 
+    /// Whether a ball comes near it.
+    #[must_use]
+    pub fn is_near(&self, centre_m: Vec3, radius_m: f32) -> bool {
+        let outside = ((centre_m - self.centre_m).abs() - self.half_m).max(Vec3::ZERO);
+        outside.length_squared() <= radius_m * radius_m
+    }
+
     /// The box grown by `margin_m` on every side.
     #[must_use]
     pub fn grown(&self, margin_m: f32) -> Self {

@@ -167,7 +167,7 @@ impl ObjectShape {
 /// Most models of a dataset.
 pub const MODELS_MAX: usize = 1_000;
 /// Most parts of a model.
-pub const PARTS_MAX: usize = 256;
+pub const PARTS_MAX: usize = 1024;
 /// Most corners of a part.
 pub const CORNERS_MAX: usize = 256;
 /// Longest name, in bytes.
@@ -269,7 +269,7 @@ mod tests {
             (|m| m.parts[0].corners_m.iter_mut().for_each(|c| c.z += 0.01), "corners_m must lie in a box"),
             (|m| m.parts[0].corners_m[2].y = f32::INFINITY, "corners_m must lie in a box"),
             (|m| m.volume_m3 = 1.0, "volume_m3 must be above 0"),
-            (|m| m.parts.clear(), "1 to 256 parts"),
+            (|m| m.parts.clear(), "1 to 1024 parts"),
             (|m| m.parts[0].corners_m.truncate(3), "4 to 256 corners"),
         ];
         for (change, expected) in cases {

@@ -12,6 +12,7 @@ use crate::Scene;
 use crate::bodies::{AttemptEngine, RapierAttempt, RapierThings};
 use crate::engine::EngineBody;
 use crate::gate::{Gate, Hit};
+use crate::mass_scaling::LeastInertia;
 use crate::shortcuts::{FreeClosing, LiftWatch};
 use crate::stepper::{Jaws, Stepper, Things};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
@@ -61,22 +62,22 @@ impl<'a> AttemptWorld<'a> {
     /// attempts.
     #[must_use]
     pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
-        Self::with_inertia(physics, gripper, procedure, scene, 0.0)
+        Self::with_inertia(physics, gripper, procedure, scene, LeastInertia::NONE)
     }
 
-    /// As [`Self::new`], and no object is less sluggish than one of `inertia_kg_min`.
+    /// As [`Self::new`], and no object is less sluggish than `least`.
     pub(crate) fn with_inertia(
         physics: &'a Physics,
         gripper: &'a Gripper,
         procedure: &'a Procedure,
         scene: &Scene,
-        inertia_kg_min: f32,
+        least: LeastInertia,
     ) -> Self {
         let Scene { objects, fixtures, .. } = scene;
         let objects = match physics.engine {
-            Engine::Stepper => Objects::Stepper(Things::of(objects, fixtures, inertia_kg_min)),
+            Engine::Stepper => Objects::Stepper(Things::of(objects, fixtures, least)),
             Engine::Rapier => Objects::Rapier(RapierThings {
-                bodies: objects.iter().map(|o| (EngineBody::of(o, inertia_kg_min), o.workspace_from_object)).collect(),
+                bodies: objects.iter().map(|o| (EngineBody::of(o, least), o.workspace_from_object)).collect(),
                 fixtures: fixtures.clone(),
             }),
         };

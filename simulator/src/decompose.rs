@@ -1,24 +1,26 @@
-//! Convex parts for a triangle mesh: parry's voxel decomposition, merged where a cut gained nothing, with few corners.
+//! Convex parts for a triangle mesh: pieces that are cut until their hulls lie on its surface, with few corners.
 //!
-//! The decomposition cuts along voxels and takes the hull of the surface in each piece. It makes more pieces than
-//! requested and never merges, so pieces are merged here, first the pair whose common hull adds the least volume. Every
-//! face and edge of a part is an axis of the collision test, so the number of corners is limited; the resulting
-//! deviation is reported.
+//! Every face and edge of a part is an axis of the collision test, so the number of corners is limited: a piece that
+//! needs more is cut, too. The largest deviation is reported.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use parry3d::transformation::try_convex_hull;
-use parry3d::transformation::vhacd::{VHACD, VHACDParameters};
-use schema::{HullError, Plane, Polyhedron, Vec3, bounds_m};
+use schema::{HullError, Plane, Polyhedron, Purpose, Stream, Vec3, bounds_m};
 
 use crate::convex_hull::convex_hull;
 
-mod trim;
+mod pieces;
 
-/// Parts are merged if their common hull adds no more than this share of the volume of all parts.
-const JOIN_SHARE: f64 = 0.002;
-/// The decomposition is asked for at least this many pieces: merging considers all pairs, a cut only one piece.
-const PIECES_MIN: usize = 64;
-/// Points of the mesh may lie outside a simplified part by at most this share of the mesh's size.
+/// Points of the mesh may lie outside a simplified part by at most this share of the mesh's size, and of the tolerance.
 const FLAT_SHARE: f32 = 2e-4;
+const SIMPLE_SHARE: f32 = 0.25;
+/// Corners whose faces are neither clearly flat nor clearly bent are moved by up to this share of their hull's
+/// diagonal, in so many ways.
+const MOVED_SHARE: f32 = 5e-4;
+const MOVES: u64 = 8;
+/// A piece without a volume, as of a sheet, gets this thickness on each side.
+const SHEET_M: f32 = 0.000_2;
 /// Corners of parts are whole multiples of this length, in 1/m: a tenth of a micrometre, as catalogues write them.
 /// Exact in single precision up to 0.8 m.
 const STEPS_PER_M: f32 = 1e7;
@@ -30,12 +32,8 @@ pub struct PartsParams {
     pub parts_max: usize,
     /// Maximum number of corners of a part; at least 8.
     pub corners_max: usize,
-    /// Voxels along the mesh's longest side.
-    pub resolution: u32,
-    /// A piece is cut further if its hull exceeds the piece by more than this share of the volume of the mesh's hull.
-    pub concavity: f32,
-    /// Whether the mesh is closed: then what several parts fill and the mesh does not is cut off.
-    pub is_closed: bool,
+    /// A piece is cut further if its hull leaves the mesh's surface by more than this, in metres.
+    pub tolerance_m: f32,
 }
 
 /// A mesh as convex parts.
@@ -45,6 +43,8 @@ pub struct ConvexParts {
     pub hulls: Vec<Polyhedron>,
     /// Largest distance in metres by which points lie outside the faces of their simplified part.
     pub simplified_m: f32,
+    /// Largest distance in metres by which the mesh's surface lies inside of a part.
+    pub filled_m: f32,
 }
 
 /// Decomposes a mesh: corners in metres, triangles as corner indices. The same mesh gives the same parts.
@@ -67,21 +67,23 @@ pub fn convex_parts(
     if size_m <= 0.0 {
         return Err(HullError::Flat);
     }
-    let tolerance_m = FLAT_SHARE * size_m;
-    let mut parts = ConvexParts { hulls: Vec::new(), simplified_m: 0.0 };
-    for piece in pieces(corners_m, triangles, [low, Vec3::splat(size_m)], params)? {
-        // A piece without volume is skipped; the volume of the parts shows the loss.
-        let Ok((hull, left_m)) = simplified(&piece.corners_m, params.corners_max, tolerance_m) else { continue };
+    // A mesh that has no volume as a whole is refused; parts of one may be sheets.
+    let (whole, left_m) = few_cornered_hull(corners_m, params.corners_max)?;
+    if params.parts_max <= 1 {
+        return Ok(ConvexParts { hulls: vec![whole], simplified_m: left_m, filled_m: 0.0 });
+    }
+    let simple_m = (FLAT_SHARE * size_m).min(SIMPLE_SHARE * params.tolerance_m);
+    let mut parts = ConvexParts { hulls: Vec::new(), simplified_m: 0.0, filled_m: 0.0 };
+    for piece in pieces::pieces(corners_m, triangles, params) {
+        parts.filled_m = parts.filled_m.max(piece.filled_m);
+        let simple = |points_m: &[Vec3]| simplified(points_m, params.corners_max, simple_m).ok();
+        let made = simple(&piece.corners_m).or_else(|| simple(&thickened(&piece.corners_m)?));
+        // What has no hull with a volume is left out; the volume of the parts shows the loss.
+        let Some((hull, left_m)) = made else { continue };
         parts.simplified_m = parts.simplified_m.max(left_m);
         parts.hulls.push(hull);
     }
-    if parts.hulls.is_empty() {
-        return Err(HullError::Flat);
-    }
-    if params.is_closed && params.parts_max > 1 {
-        parts.hulls = trim::trimmed(parts.hulls, corners_m, triangles, params.corners_max);
-    }
-    Ok(parts)
+    if parts.hulls.is_empty() { Err(HullError::Flat) } else { Ok(parts) }
 }
 
 /// The hull of some points with at most `corners_max` corners, all of them among the points, and the largest distance
@@ -94,7 +96,8 @@ pub fn few_cornered_hull(points_m: &[Vec3], corners_max: usize) -> Result<(Polyh
     if !points_m.iter().all(|p| p.is_finite()) {
         return Err(HullError::Corner);
     }
-    simplified(&Piece::of(points_m.to_vec())?.corners_m, corners_max, FLAT_SHARE * (high - low).max_element())
+    let whole = hull(points_m).ok_or(HullError::Flat)?;
+    simplified(&whole.corners_m, corners_max, FLAT_SHARE * (high - low).max_element())
 }
 
 /// Volume of the convex hull of some points, in cubic metres.
@@ -102,113 +105,143 @@ pub fn few_cornered_hull(points_m: &[Vec3], corners_max: usize) -> Result<(Polyh
 /// # Errors
 /// [`HullError`] if the points have no hull.
 pub fn hull_volume_m3(points_m: &[Vec3]) -> Result<f64, HullError> {
-    Piece::of(points_m.to_vec()).map(|piece| piece.volume_m3)
+    hull(points_m).map(|hull| hull.volume_m3()).ok_or(HullError::Flat)
 }
 
-/// A convex piece: corners of its hull, in metres, and its volume.
-#[derive(Debug, Clone)]
-struct Piece {
+/// A hull by its triangles.
+struct Hull {
     corners_m: Vec<Vec3>,
-    volume_m3: f64,
+    triangles: Vec<[u32; 3]>,
 }
 
-impl Piece {
-    fn of(points_m: Vec<Vec3>) -> Result<Self, HullError> {
-        let (corners_m, triangles) = try_convex_hull(&points_m).map_err(|_| HullError::Flat)?;
-        let from = corners_m[0];
-        let below = |[a, b, c]: [u32; 3]| {
-            let [a, b, c] = [a, b, c].map(|i| corners_m[i as usize] - from);
+impl Hull {
+    fn planes(&self) -> impl Iterator<Item = Plane> {
+        self.triangles.iter().filter_map(|triangle| {
+            let [a, b, c] = triangle.map(|corner| self.corners_m[corner as usize]);
+            let normal = (b - a).cross(c - a).try_normalize()?;
+            Some(Plane { normal, offset_m: normal.dot(a) })
+        })
+    }
+
+    fn volume_m3(&self) -> f64 {
+        let from = self.corners_m[0];
+        let below = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|corner| self.corners_m[corner as usize] - from);
             f64::from(a.dot(b.cross(c))) / 6.0
         };
-        let volume_m3 = triangles.into_iter().map(below).sum();
-        Ok(Self { corners_m, volume_m3 })
-    }
-
-    fn with(&self, other: &Self) -> Result<Self, HullError> {
-        Self::of(self.corners_m.iter().chain(&other.corners_m).copied().collect())
+        self.triangles.iter().map(below).sum()
     }
 }
 
-/// At most `params.parts_max` convex pieces that together contain the mesh.
-fn pieces(
-    corners_m: &[Vec3],
-    triangles: &[[u32; 3]],
-    [low, size]: [Vec3; 2],
-    params: &PartsParams,
-) -> Result<Vec<Piece>, HullError> {
-    let whole = Piece::of(corners_m.to_vec())?;
-    if params.parts_max <= 1 {
-        return Ok(vec![whole]);
-    }
-    // In units of the mesh's size: the decomposition's own tolerances are absolute.
-    let unit: Vec<Vec3> = corners_m.iter().map(|c| (*c - low) / size).collect();
-    let parameters = VHACDParameters {
-        resolution: params.resolution,
-        concavity: params.concavity,
-        max_convex_hulls: params.parts_max.max(PIECES_MIN) as u32,
-        plane_downsampling: 2,
-        convex_hull_downsampling: 2,
-        ..VHACDParameters::default()
+/// The hull of some points; `None` if they have none. The library panics on some scans.
+fn hull(points_m: &[Vec3]) -> Option<Hull> {
+    let made = catch_unwind(AssertUnwindSafe(|| try_convex_hull(points_m)));
+    made.ok()?.ok().map(|(corners_m, triangles)| Hull { corners_m, triangles })
+}
+
+/// Points of a sheet on both of its sides; `None` if they are on a line.
+fn thickened(points_m: &[Vec3]) -> Option<Vec<Vec3>> {
+    let first = *points_m.first()?;
+    let far = |across: &dyn Fn(Vec3) -> Vec3| {
+        let length = |point: &Vec3| across(*point - first).length_squared();
+        points_m.iter().copied().max_by(|a, b| length(a).total_cmp(&length(b))).map(|point| across(point - first))
     };
-    let hulls = VHACD::decompose(&parameters, &unit, triangles, true).compute_exact_convex_hulls(&unit, triangles);
-    let in_metres = |points: Vec<Vec3>| points.into_iter().map(|p| low + p * size).collect();
-    let cut: Vec<Piece> = hulls.into_iter().filter_map(|(points, _)| Piece::of(in_metres(points)).ok()).collect();
-    if cut.is_empty() { Ok(vec![whole]) } else { Ok(joined(cut, params.parts_max)) }
-}
-
-/// Merges pieces until there are few enough and no pair can be replaced by its common hull.
-fn joined(mut pieces: Vec<Piece>, parts_max: usize) -> Vec<Piece> {
-    let all_m3: f64 = pieces.iter().map(|piece| piece.volume_m3).sum();
-    // The volume that a pair's common hull adds; infinite for a pair without a hull.
-    let added = |a: &Piece, b: &Piece| a.with(b).map_or(f64::INFINITY, |c| c.volume_m3 - a.volume_m3 - b.volume_m3);
-    let mut costs: Vec<Vec<f64>> =
-        (0..pieces.len()).map(|i| (0..i).map(|j| added(&pieces[i], &pieces[j])).collect()).collect();
-    loop {
-        let pairs = costs.iter().enumerate().flat_map(|(i, row)| row.iter().enumerate().map(move |(j, c)| (*c, i, j)));
-        let Some((cost, late, early)) = pairs.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-        let is_free = cost <= JOIN_SHARE * all_m3;
-        if !(is_free || pieces.len() > parts_max) {
-            break;
-        }
-        let Ok(both) = pieces[late].with(&pieces[early]) else { break };
-        pieces.remove(late);
-        costs.remove(late);
-        costs.iter_mut().skip(late).for_each(|row| _ = row.remove(late));
-        pieces[early] = both;
-        for other in 0..pieces.len() {
-            match other.cmp(&early) {
-                std::cmp::Ordering::Less => costs[early][other] = added(&pieces[early], &pieces[other]),
-                std::cmp::Ordering::Greater => costs[other][early] = added(&pieces[other], &pieces[early]),
-                std::cmp::Ordering::Equal => {}
-            }
-        }
-    }
-    pieces
+    let along = far(&|off| off)?.try_normalize()?;
+    let side = far(&|off| off - along * off.dot(along))?.try_normalize()?;
+    let up = along.cross(side) * SHEET_M;
+    Some(points_m.iter().flat_map(|point| [*point - up, *point + up]).collect())
 }
 
 /// A hull with few corners: the outermost points along a few axes, then repeatedly the point farthest outside.
 fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result<(Polyhedron, f32), HullError> {
     let points_m = &points_m.iter().map(|point| (*point * STEPS_PER_M).round() / STEPS_PER_M).collect::<Vec<_>>();
-    let (mut chosen, mut hull) = beginning(points_m)?;
+    // Nearly always the corners that a quick look chooses have a hull that lasts, or all but one of them, or all moved
+    // a little; the fewer, the clearer its faces.
+    let [low, high] = bounds_m(points_m);
+    let moved_m = MOVED_SHARE * (high - low).length();
+    for times in [1.0, 2.0, 4.0, 8.0] {
+        let Some((chosen, left_m)) = few_corners(points_m, corners_max, times * tolerance_m) else { break };
+        if let Ok(hull) = lasting_hull(&chosen) {
+            return Ok((hull, left_m));
+        }
+        let lasting = |points: Vec<Vec3>| {
+            let hull = lasting_hull(&points).ok()?;
+            let left_m = outside_m(points_m, hull.planes()).into_iter().fold(0.0, f32::max);
+            Some((hull, left_m))
+        };
+        let others = |one: usize| chosen.iter().enumerate().filter(move |(i, _)| *i != one).map(|(_, at)| *at);
+        let without = (0..chosen.len()).map(|one| others(one).collect::<Vec<_>>());
+        let moved = (0..MOVES).map(|seed| {
+            let mut stream = Stream::new(seed, 0, Purpose::Objects, 0);
+            let mut step = || stream.point(Vec3::splat(-moved_m), Vec3::splat(moved_m));
+            chosen.iter().map(|at| ((*at + step()) * STEPS_PER_M).round() / STEPS_PER_M).collect::<Vec<_>>()
+        });
+        let least = without.chain(moved).filter_map(lasting).min_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some(least) = least.filter(|(_, least_m)| *least_m <= left_m.max(8.0 * tolerance_m)) {
+            return Ok(least);
+        }
+    }
+    let (mut chosen, mut whole) = beginning(points_m)?;
     let mut is_left = vec![true; points_m.len()];
     loop {
-        let planes: Vec<Plane> = hull.planes().collect();
-        let outside = |p: &Vec3| planes.iter().map(|plane| plane.normal.dot(*p) - plane.offset_m).fold(0.0, f32::max);
-        let all = points_m.iter().map(outside);
-        let left_m = all.clone().fold(0.0, f32::max);
-        let furthest =
-            all.enumerate().filter(|(i, _)| is_left[*i]).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        let Some((next, _)) = furthest.filter(|(_, m)| *m > tolerance_m && hull.corners_m().len() < corners_max) else {
-            return Ok((hull, left_m));
+        let outside = outside_m(points_m, whole.planes());
+        let left_m = outside.iter().copied().fold(0.0, f32::max);
+        let furthest = farthest(&outside, &is_left);
+        let Some(next) = furthest.filter(|i| outside[*i] > tolerance_m && whole.corners_m().len() < corners_max) else {
+            return Ok((whole, left_m));
         };
         is_left[next] = false;
         chosen.push(points_m[next]);
         // A point that would make almost coplanar faces is not added and counts as lying outside.
         match lasting_hull(&chosen) {
-            Ok(larger) if larger.corners_m().len() <= corners_max => hull = larger,
+            Ok(larger) if larger.corners_m().len() <= corners_max => whole = larger,
             _ => drop(chosen.pop()),
         }
     }
+}
+
+/// The same choice of corners without asking whether their hull lasts, and how far other points lie outside.
+fn few_corners(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Option<(Vec<Vec3>, f32)> {
+    let mut is_left = vec![true; points_m.len()];
+    let mut chosen: Vec<Vec3> = Vec::new();
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE, Vec3::new(1.0, -1.0, 1.0), Vec3::new(-1.0, 1.0, 1.0)] {
+        for direction in [axis, -axis] {
+            let reach = |i: &usize| direction.dot(points_m[*i]);
+            let outermost = (0..points_m.len()).max_by(|a, b| reach(a).total_cmp(&reach(b)))?;
+            if core::mem::take(&mut is_left[outermost]) && chosen.len() < corners_max {
+                chosen.push(points_m[outermost]);
+            }
+        }
+    }
+    loop {
+        let outside = outside_m(points_m, hull(&chosen)?.planes());
+        let left_m = outside.iter().copied().fold(0.0, f32::max);
+        let next = farthest(&outside, &is_left).filter(|i| outside[*i] > tolerance_m && chosen.len() < corners_max);
+        let Some(next) = next else { return Some((chosen, left_m)) };
+        is_left[next] = false;
+        chosen.push(points_m[next]);
+    }
+}
+
+/// How far the corners of a hull lie outside of one that has so many; those within a tolerance are not looked at.
+fn left_out_m(corners_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> f32 {
+    if corners_m.len() <= corners_max {
+        return 0.0;
+    }
+    few_corners(corners_m, corners_max, tolerance_m).map_or(f32::INFINITY, |(_, left_m)| left_m)
+}
+
+/// The point that is farthest outside of those that are left.
+fn farthest(outside_m: &[f32], is_left: &[bool]) -> Option<usize> {
+    let farther = |a: &usize, b: &usize| outside_m[*a].total_cmp(&outside_m[*b]).then(b.cmp(a));
+    (0..outside_m.len()).filter(|i| is_left[*i]).max_by(farther)
+}
+
+/// How far each point lies outside of some planes.
+fn outside_m(points_m: &[Vec3], planes: impl Iterator<Item = Plane>) -> Vec<f32> {
+    let planes: Vec<Plane> = planes.collect();
+    let outside = |p: &Vec3| planes.iter().map(|plane| plane.normal.dot(*p) - plane.offset_m).fold(0.0, f32::max);
+    points_m.iter().map(outside).collect()
 }
 
 /// A hull that stays one when it is read again: its corners in their new order, once from a catalogue and once from a
@@ -245,12 +278,13 @@ fn beginning(points_m: &[Vec3]) -> Result<(Vec<Vec3>, Polyhedron), HullError> {
 
 #[cfg(test)]
 mod tests {
+    use core::f32::consts::PI;
+
     use schema::{Purpose, Stream};
 
     use super::*;
 
-    const LAW: PartsParams =
-        PartsParams { parts_max: 8, corners_max: 32, resolution: 64, concavity: 0.01, is_closed: true };
+    const LAW: PartsParams = PartsParams { parts_max: 256, corners_max: 32, tolerance_m: 0.0008 };
 
     /// An L of two boxes, 80 × 80 × 30 mm with legs of 30 mm, as a closed mesh.
     fn ell() -> (Vec<Vec3>, Vec<[u32; 3]>) {
@@ -340,5 +374,98 @@ mod tests {
         let flat: Vec<Vec3> = corners.iter().map(|c| Vec3::new(c.x, c.y, 0.0)).collect();
         assert_eq!(convex_parts(&flat, &triangles, &LAW), Err(HullError::Flat));
         assert_eq!(convex_parts(&[], &[], &LAW), Err(HullError::Flat));
+    }
+
+    const AROUND: u32 = 64;
+
+    /// A closed mesh: an outline of radii and heights, in millimetres, turned about z. What touches the axis has
+    /// corners there that coincide.
+    fn revolved(outline_mm: &[[f32; 2]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+        let about = |[r, z]: [f32; 2]| {
+            (0..AROUND).map(move |k| {
+                let (sin, cos) = libm::sincosf(2.0 * PI * k as f32 / AROUND as f32);
+                Vec3::new(r * cos, r * sin, z) * 1e-3
+            })
+        };
+        let rings = outline_mm.len() as u32;
+        let triangles = (0..rings).flat_map(|ring| {
+            (0..AROUND).flat_map(move |k| {
+                let [a, b] = [k, (k + 1) % AROUND].map(|k| ring * AROUND + k);
+                let [d, c] = [k, (k + 1) % AROUND].map(|k| (ring + 1) % rings * AROUND + k);
+                [[a, b, c], [a, c, d]]
+            })
+        });
+        (outline_mm.iter().flat_map(|point| about(*point)).collect(), triangles.collect())
+    }
+
+    fn quarter(radius_mm: f32, centre_mm: f32) -> impl DoubleEndedIterator<Item = [f32; 2]> {
+        (0..=16).map(move |i| {
+            let (sin, cos) = libm::sincosf(0.5 * PI * i as f32 / 16.0);
+            [radius_mm * sin, centre_mm - radius_mm * cos]
+        })
+    }
+
+    /// Points on the surface of what was revolved, spread evenly, and the outward normal there.
+    fn on_surface(outline_mm: &[[f32; 2]], count: usize) -> Vec<Vec3> {
+        let edges: Vec<[[f32; 2]; 2]> =
+            outline_mm.iter().zip(outline_mm.iter().cycle().skip(1)).map(|(a, b)| [*a, *b]).collect();
+        let area = |[[r0, z0], [r1, z1]]: &[[f32; 2]; 2]| (r0 + r1) * libm::hypotf(r1 - r0, z1 - z0);
+        let all: f32 = edges.iter().map(area).sum();
+        let mut stream = Stream::new(5, 0, Purpose::Objects, 0);
+        let mut points = Vec::new();
+        while points.len() < count {
+            let mut place = stream.uniform(0.0, all);
+            let edge = edges.iter().find(|edge| {
+                place -= area(edge);
+                place < 0.0
+            });
+            let [[r0, z0], [r1, z1]] = edge.copied().unwrap_or(edges[0]);
+            let along = stream.uniform(0.0, 1.0);
+            let (r, z) = (r0 + along * (r1 - r0), z0 + along * (z1 - z0));
+            if stream.uniform(0.0, r0.max(r1)) <= r {
+                let (sin, cos) = libm::sincosf(stream.uniform(0.0, 2.0 * PI));
+                points.push(Vec3::new(r * cos, r * sin, z) * 1e-3);
+            }
+        }
+        points
+    }
+
+    /// Asked of points by formula: the parts end where the surface is, on both sides of thin and round walls.
+    #[test]
+    fn parts_lie_on_the_surface() {
+        let ring = vec![[24.0, 0.0], [30.0, 0.0], [30.0, 20.0], [24.0, 20.0]];
+        let mug = vec![[0.0, 0.0], [40.0, 0.0], [40.0, 90.0], [37.0, 90.0], [37.0, 4.0], [0.0, 4.0]];
+        let bowl = quarter(75.0, 75.0).chain(quarter(72.0, 75.0).rev()).collect();
+        let plate = vec![[0.0, 0.0], [60.0, 0.0], [60.0, 1.0], [0.0, 1.0]];
+        let ball = quarter(35.0, 35.0).chain(quarter(35.0, 35.0).rev().map(|[r, z]| [r, 70.0 - z])).collect();
+        let all = [("ring", ring, 20), ("mug", mug, 40), ("bowl", bowl, 250), ("plate", plate, 2), ("ball", ball, 16)];
+        for (name, outline, parts_most) in all {
+            let (corners, triangles) = revolved(&outline);
+            let parts = convex_parts(&corners, &triangles, &LAW).unwrap();
+            let planes: Vec<Vec<Plane>> = parts.hulls.iter().map(|part| part.planes().collect()).collect();
+            let off_m = |at: &Vec3| {
+                let outside =
+                    |p: &Vec<Plane>| p.iter().map(|p| p.normal.dot(*at) - p.offset_m).fold(f32::MIN, f32::max);
+                planes.iter().map(outside).fold(f32::INFINITY, f32::min).abs()
+            };
+            let points = on_surface(&outline, 5_000);
+            let far = points.iter().filter(|at| off_m(at) > 0.001).count();
+            let count = parts.hulls.len();
+            assert!(far <= 25, "{name}: {far} of {} points are more than 1 mm off {count} parts", points.len());
+            assert!(
+                count <= parts_most && parts.hulls.iter().all(|part| part.corners_m().len() <= 32),
+                "{name}: {count}"
+            );
+            let volume: f32 = parts.hulls.iter().map(Polyhedron::volume_m3).sum();
+            let exact: f32 = outline
+                .iter()
+                .zip(outline.iter().cycle().skip(1))
+                .map(|([r0, z0], [r1, z1])| {
+                    // Pappus: the ring that an edge and the axis enclose.
+                    PI * (z1 - z0) * (r0 * r0 + r0 * r1 + r1 * r1) / 3.0 * 1e-9
+                })
+                .sum();
+            assert!((volume / exact - 1.0).abs() < 0.2, "{name}: {volume} of {exact} m³");
+        }
     }
 }

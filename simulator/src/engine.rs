@@ -11,6 +11,7 @@ use crate::SceneObject;
 use crate::body::{Body, Compound, PartShape};
 use crate::contact::{Contact, ContactBody};
 use crate::faceted::{shape_of, shape_of_hull};
+use crate::mass_scaling::LeastInertia;
 
 /// The engine's parameters for a step.
 fn integration(physics: &Physics) -> IntegrationParameters {
@@ -55,19 +56,21 @@ pub(crate) struct EngineBody {
 }
 
 impl EngineBody {
-    /// A body; one that is lighter than `inertia_kg_min` is as sluggish as one of that mass.
-    pub(crate) fn new(body: &Body, mass_kg: f32, friction: f32, inertia_kg_min: f32) -> Self {
+    /// A body that is no less sluggish than `least`.
+    pub(crate) fn new(body: &Body, mass_kg: f32, friction: f32, least: LeastInertia) -> Self {
         let (shape, mut mass_properties) = match body {
             Body::Solid(solid) => with_mass_properties(shape_of(solid, UNITS_PER_M)),
             Body::Compound(compound) => joined(compound),
         };
-        let inertia_kg = mass_kg.max(inertia_kg_min);
+        let gyration_m =
+            (mass_properties.principal_inertia().min_element() / mass_properties.mass()).sqrt() / UNITS_PER_M;
+        let inertia_kg = mass_kg.max(least.with_gyration_kg(gyration_m));
         mass_properties.set_mass(inertia_kg, true);
         Self { shape, mass_properties, friction, weight_share: mass_kg / inertia_kg }
     }
 
-    pub(crate) fn of(object: &SceneObject, inertia_kg_min: f32) -> Self {
-        Self::new(&object.body, object.mass_kg, object.friction, inertia_kg_min)
+    pub(crate) fn of(object: &SceneObject, least: LeastInertia) -> Self {
+        Self::new(&object.body, object.mass_kg, object.friction, least)
     }
 }
 
@@ -325,7 +328,7 @@ mod tests {
     /// Mass in kg, centre of mass in m, and inertia about it in kg m², all as the engine has them in a body of a world.
     fn mass_of(body: &Body, mass_kg: f32) -> (f32, Vec3, Mat3) {
         let mut world = World::new(&Physics::FAITHFUL, Vec3::ZERO);
-        let handle = world.add_object(&EngineBody::new(body, mass_kg, 1.0, 0.0), Pose::IDENTITY, true);
+        let handle = world.add_object(&EngineBody::new(body, mass_kg, 1.0, LeastInertia::NONE), Pose::IDENTITY, true);
         world.step(&mut PhysicsPipeline::new());
         let found = world.bodies[handle].mass_properties().local_mprops;
         let inertia = found.reconstruct_inertia_matrix() * (1.0 / (UNITS_PER_M * UNITS_PER_M));

@@ -10,7 +10,7 @@ use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Quat, Vec3};
 
 use crate::attempt::{AttemptWorld, Execution, Objects, Stopping};
 use crate::bodies::{AttemptEngine as _, Bodies as _};
-use crate::mass_scaling::inertia_kg_min;
+use crate::mass_scaling::LeastInertia;
 use crate::shortcuts::FreeClosing;
 use crate::stepper::{Jaws, Stepper, Turning};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
@@ -124,8 +124,8 @@ impl<'a> FloatingWorld<'a> {
         assert!(physics.engine == Engine::Stepper, "floating objects are the stepper's");
         let object = SceneObject { body: body.clone(), mass_kg, friction, workspace_from_object: Pose::IDENTITY };
         let scene = Scene { table_z_m: -FAR_M, fixtures: Vec::new(), objects: vec![object] };
-        let inertia_kg_min = inertia_kg_min(physics, gripper);
-        Self { world: AttemptWorld::with_inertia(physics, gripper, procedure, &scene, inertia_kg_min) }
+        let least = LeastInertia::of(physics, gripper);
+        Self { world: AttemptWorld::with_inertia(physics, gripper, procedure, &scene, least) }
     }
 
     /// Closes the hand at a grasp in the object's frame; or how the attempt ended before anything was between the
@@ -313,7 +313,11 @@ impl Grip<'_> {
         let mut stepper = self.stepper.clone();
         stepper.scale_friction(friction_factor);
         let before = Placed::of(&stepper);
-        let (rest_steps, mut resting) = (physics.steps(REST_TIME_S), 0);
+        let rest_steps = physics.steps(REST_TIME_S);
+        // What is light may leave a finger for a moment.
+        let (mut since_gripped, mut resting) = (0, 0);
+        // What got more inertia than its own comes into motion as much more slowly.
+        let slow = stepper.weight_share(0).sqrt();
         let mut motion = Motion::default();
         for step in 0..physics.steps(load.time_s()) {
             let time_s = (step as f32 + 0.5) * physics.dt_s();
@@ -328,20 +332,25 @@ impl Grip<'_> {
             motion = Placed::of(&stepper).motion(&before);
             let [left, right] = stepper.closed_m();
             let width_m = self.world.gripper.opening_m_max - left - right;
+            since_gripped = if stepper.is_gripped(0) { 0 } else { since_gripped + 1 };
             let is_lost = motion.moved_m > hold.moved_m_max || motion.turned_rad > hold.turned_rad_max;
             if is_lost || width_m <= procedure.empty_width_m {
                 return Ending { is_held: false, motion };
             }
-            if physics.shortcuts && load.is_steady(time_s) {
-                let [linear_m_s, angular_rad_s] = stepper.velocities(0);
-                let rests = linear_m_s.length() <= REST_SPEED_M_S && angular_rad_s.length() <= REST_TURN_RAD_S;
-                resting = if rests && stepper.is_gripped(0) { resting + 1 } else { 0 };
-                if resting >= rest_steps {
-                    break;
-                }
+            let [linear_m_s, angular_rad_s] = stepper.velocities(0);
+            let rests =
+                linear_m_s.length() <= REST_SPEED_M_S * slow && angular_rad_s.length() <= REST_TURN_RAD_S * slow;
+            resting = if rests && since_gripped == 0 && load.is_steady(time_s) { resting + 1 } else { 0 };
+            if resting >= rest_steps && (physics.shortcuts || time_s >= load.time_s()) {
+                break;
             }
         }
-        Ending { is_held: stepper.is_gripped(0), motion }
+        // Had it only its own inertia, what is still on its way would have come so much further.
+        let (is_at_rest, far) = (resting >= rest_steps, 1.0 / stepper.weight_share(0));
+        let may_move = is_at_rest || !load.is_steady(load.time_s());
+        let stays =
+            may_move || motion.moved_m * far <= hold.moved_m_max && motion.turned_rad * far <= hold.turned_rad_max;
+        Ending { is_held: stays && since_gripped <= rest_steps, motion }
     }
 }
 

@@ -236,7 +236,7 @@ impl EdgedPart {
     /// A part that is near one of some boxes.
     fn near(hull: &TestedPart, grasp_from_object: &Pose, boxes: &[HandBox]) -> Option<Self> {
         let centre_m = grasp_from_object.transform_point(hull.centre_m);
-        boxes.iter().any(|b| is_near(centre_m, hull.radius_m, b)).then(|| Self {
+        boxes.iter().any(|b| b.is_near(centre_m, hull.radius_m)).then(|| Self {
             part: hull.placed(grasp_from_object),
             edges: hull.edges.iter().map(|e| grasp_from_object.rotation * *e).collect(),
         })
@@ -254,7 +254,7 @@ impl EdgedPart {
             low - middle > reach || high - middle < -reach
         };
         let axes = [Vec3::X, Vec3::Y, Vec3::Z];
-        if !is_near(part.centre_m, part.radius_m, hand_box) || axes.into_iter().any(parted) {
+        if !hand_box.is_near(part.centre_m, part.radius_m) || axes.into_iter().any(parted) {
             return false;
         }
         if part.has_corner_in(hand_box) {
@@ -265,12 +265,6 @@ impl EdgedPart {
         let useful = crossed.filter(|axis| axis.length_squared() > 1e-6);
         !part.normals.iter().copied().chain(useful).any(parted)
     }
-}
-
-/// Whether a ball comes near a box.
-fn is_near(centre_m: Vec3, radius_m: f32, hand_box: &HandBox) -> bool {
-    let outside = ((centre_m - hand_box.centre_m).abs() - hand_box.half_m).max(Vec3::ZERO);
-    outside.length_squared() <= radius_m * radius_m
 }
 
 #[cfg(test)]

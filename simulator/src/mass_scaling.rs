@@ -6,6 +6,10 @@
 //! body that is too light for the hand gets the inertia that it takes for [`DEPTH_M`], while all forces on it (weight,
 //! and those of a hand that is shaken) stay those of its own mass. What a grip bears by statics is then the same; only
 //! the accelerations of the body differ, and what the fingers' force could give it is far above any that it needs.
+//!
+//! Under the edge of a pad a thin body gives way by turning, too: a force that passes its centre of mass at a distance
+//! r meets a mass of m / (1 + r² / k²), where k is its radius of gyration. So narrow things, such as knives, get more:
+//! otherwise the jaws cut through the edges of blades.
 
 use core::f32::consts::TAU;
 
@@ -13,9 +17,30 @@ use schema::{Gripper, Physics};
 
 /// How deep a finger sinks into an object at the finger force, in metres.
 const DEPTH_M: f32 = 0.000_05;
+/// No object gets more than so many times what it takes in its middle.
+const TIMES_MAX: f32 = 20.0;
 
-/// The least inertia of an object that this hand grips, in kilograms.
-pub(crate) fn inertia_kg_min(physics: &Physics, gripper: &Gripper) -> f32 {
-    let frequency = TAU * physics.contact_frequency_hz;
-    gripper.finger_force_n / (frequency * frequency * DEPTH_M)
+/// The least inertia of an object that a hand grips.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LeastInertia {
+    /// In the middle of a pad, in kilograms.
+    mass_kg: f32,
+    /// From there to the pad's edge, in metres.
+    lever_m: f32,
+}
+
+impl LeastInertia {
+    pub(crate) const NONE: Self = Self { mass_kg: 0.0, lever_m: 0.0 };
+
+    pub(crate) fn of(physics: &Physics, gripper: &Gripper) -> Self {
+        let frequency = TAU * physics.contact_frequency_hz;
+        let mass_kg = gripper.finger_force_n / (frequency * frequency * DEPTH_M);
+        Self { mass_kg, lever_m: 0.5 * gripper.finger_width_m }
+    }
+
+    /// That of an object with this least radius of gyration, in kilograms.
+    pub(crate) fn with_gyration_kg(&self, gyration_m: f32) -> f32 {
+        let levers = self.lever_m / gyration_m.max(f32::MIN_POSITIVE);
+        self.mass_kg * (1.0 + levers * levers).min(TIMES_MAX)
+    }
 }

@@ -12,6 +12,7 @@ use schema::{Engine, Grid, Physics, Polyhedron, Pose, SettleParams, Vec3};
 
 use crate::bodies::{PileEngine, RapierPile};
 use crate::engine::EngineBody;
+use crate::mass_scaling::LeastInertia;
 use crate::stepper::{Stepper, Things};
 use crate::{Scene, SceneObject};
 
@@ -139,8 +140,8 @@ struct Pile<'a> {
 /// Fixtures and objects as the stepper wants them; none where rapier is asked.
 fn things(physics: &Physics, fixtures: &[Polyhedron], objects: &[SceneObject]) -> Things {
     match physics.engine {
-        Engine::Stepper => Things::of(objects, fixtures, 0.0),
-        Engine::Rapier => Things::of(&[], &[], 0.0),
+        Engine::Stepper => Things::of(objects, fixtures, LeastInertia::NONE),
+        Engine::Rapier => Things::of(&[], &[], LeastInertia::NONE),
     }
 }
 
@@ -158,7 +159,7 @@ impl<'a> Pile<'a> {
         let heap: Box<dyn PileEngine + 'a> = match physics.engine {
             Engine::Stepper => Box::new(Stepper::pile(&settling, params.damping_1_s, things, grid.table_z_m)),
             Engine::Rapier => {
-                let objects = objects.iter().map(|object| EngineBody::of(object, 0.0)).collect();
+                let objects = objects.iter().map(|object| EngineBody::of(object, LeastInertia::NONE)).collect();
                 Box::new(RapierPile::new(&settling, params, objects, fixtures, grid.table_z_m))
             }
         };

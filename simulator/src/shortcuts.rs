@@ -48,7 +48,9 @@ impl AttemptWorld<'_> {
         let free_m = fingers
             .map(|(finger, inward)| {
                 let grown = PlacedPart::from_box(&finger.grown(near_m), Vec3::ZERO);
-                let to_objects = objects.iter().map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
+                let swept = finger.grown(near_m).swept(inward * gripper.opening_m_max);
+                let on_way = objects.iter().filter(|o| swept.is_near(o.centre_m, o.radius_m));
+                let to_objects = on_way.map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
                 let sinking = -inward.dot(up);
                 let above_m = finger.lowest_z_m(workspace_from_grasp) - near_m - self.table_z_m;
                 let to_table = if sinking > 0.0 { (above_m / sinking).max(0.0) } else { f32::INFINITY };

@@ -10,8 +10,10 @@
 
 mod contact;
 mod jaws;
+mod near;
 mod patch;
 mod pile;
+mod push;
 mod shape;
 #[cfg(test)]
 mod tests;
@@ -21,8 +23,9 @@ use wide::f32x4;
 
 use crate::bodies::{AttemptEngine, Bodies};
 use crate::contact::{Contact as Pressing, ContactBody};
-use contact::{Answer, Contact, Contacts, Double, Motion, Pass, Relative, Single, Touched, lanes};
+use contact::{Answer, Contact, Contacts, Motion, Pass, Relative, Touched, lanes};
 use patch::{Frame, Patch, Scratch};
+use push::{push_both, push_one, relative};
 use shape::Thing;
 
 pub(crate) use jaws::Jaws;
@@ -30,7 +33,7 @@ pub(crate) use shape::{Things, Wide3, span, wide};
 
 /// rapier's damping ratio of contact springs.
 const CONTACT_DAMPING_RATIO: f32 = 10.0;
-/// What [`Single::first`] is for the table; then come the hand's boxes, then the four walls, then the fixtures.
+/// What a contact's `first` is for the table; then come the hand's boxes, then the four walls, then the fixtures.
 const TABLE: usize = 0;
 const WALLS: usize = 4;
 const FIXTURES: usize = 8;
@@ -61,6 +64,8 @@ pub(crate) struct Stepper<'a> {
     apart: Vec<(u64, Vec3)>,
     queue: Vec<usize>,
     scratch: Scratch,
+    /// The parts of two bodies that are near each other.
+    near_parts: [Vec<usize>; 2],
 }
 
 /// Where a half-space ends that nothing enters: normal·x = offset.
@@ -234,6 +239,7 @@ impl<'a> Stepper<'a> {
             apart: Vec::new(),
             queue: Vec::new(),
             scratch: Scratch::default(),
+            near_parts: [Vec::new(), Vec::new()],
         }
     }
 
@@ -257,6 +263,11 @@ impl<'a> Stepper<'a> {
         let on = self.singles.iter().filter(|c| c.first == 1 + finger && c.second == id).map(Contact::bearing);
         let most = on.filter(|(points_m, _)| !points_m.is_empty()).max_by(|a, b| a.1.total_cmp(&b.1));
         most.map(|(points_m, _)| points_m.iter().sum::<Vec3>() / points_m.len() as f32)
+    }
+
+    /// A body's own mass as a share of its inertia, which is 1 but for light ones in a strong hand.
+    pub(crate) fn weight_share(&self, id: usize) -> f32 {
+        self.bodies[id].weight_share
     }
 
     /// The centre of mass of a body.
@@ -366,8 +377,14 @@ impl<'a> Stepper<'a> {
             return;
         }
         let things = self.things;
-        for (part, shape) in things[first].parts.iter().enumerate() {
-            for (other_part, other_shape) in things[second].parts.iter().enumerate() {
+        let mut near = core::mem::take(&mut self.near_parts);
+        for (found, [id, other]) in near.iter_mut().zip([[first, second], [second, first]]) {
+            let (frame, centre_m) = (&self.bodies[id].frame, self.bodies[other].answer.centre_m);
+            near::parts_near(&things[id].parts, frame, centre_m, things[other].radius_m, found);
+        }
+        for part in near[0].iter().copied() {
+            for other_part in near[1].iter().copied() {
+                let (shape, other_shape) = (&things[first].parts[part], &things[second].parts[other_part]);
                 let key = key([64 + first, part], [second, other_part]);
                 let frames = [first, second].map(|id| self.bodies[id].frame);
                 if let Some(patch) = self.patch_between(key, frames, [shape, other_shape]) {
@@ -381,6 +398,7 @@ impl<'a> Stepper<'a> {
                 }
             }
         }
+        self.near_parts = near;
     }
 
     fn patch_between(&mut self, key: u64, frames: [Frame; 2], parts: [&shape::Part; 2]) -> Option<Patch> {
@@ -493,27 +511,6 @@ impl<'a> Stepper<'a> {
             }
         }
     }
-}
-
-fn relative(a: Motion, b: Motion) -> Relative<2> {
-    Relative { linear: b.linear - a.linear, angular: [b.angular, a.angular] }
-}
-
-#[inline(always)]
-fn push_one(body: &mut Body, jaws: &mut Jaws, contact: &Single, push: contact::Push<1>) {
-    body.speeds.linear += push.impulse * f32x4::splat(body.answer.inverse_mass);
-    body.speeds.angular += push.angular[0];
-    jaws.push(contact.first, push.impulse);
-}
-
-#[inline(always)]
-fn push_both(bodies: &mut [Body], contact: &Double, push: contact::Push<2>) {
-    let second = &mut bodies[contact.second];
-    second.speeds.linear += push.impulse * f32x4::splat(second.answer.inverse_mass);
-    second.speeds.angular += push.angular[0];
-    let first = &mut bodies[contact.first];
-    first.speeds.linear -= push.impulse * f32x4::splat(first.answer.inverse_mass);
-    first.speeds.angular += push.angular[1];
 }
 
 impl Bodies for Stepper<'_> {

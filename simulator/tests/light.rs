@@ -75,6 +75,25 @@ fn holds(body: &Body, mass_kg: f32, gripper: &Gripper, grasp: &Pose) -> Option<f
 const MASSES_KG: [f32; 6] = [0.001, 0.002, 0.005, 0.02, 0.05, 0.2];
 const FORCES_N: [f32; 4] = [2.0, 10.0, 30.0, 60.0];
 
+/// 2 μ F against m g: what friction cannot bear is lost at every mass, though it comes into motion slowly.
+#[test]
+fn what_friction_does_not_bear_is_lost_at_any_mass() {
+    let (procedure, cube) = (Procedure::PAPER, solid(ShapeKind::Cuboid, [0.03; 3]));
+    for finger_force_n in FORCES_N {
+        let gripper = hand(finger_force_n);
+        for mass_kg in MASSES_KG {
+            for (share, is_held) in [(0.6, false), (1.6, true)] {
+                let friction = share * mass_kg * 9.81 / (2.0 * finger_force_n * gripper.friction);
+                let world = FloatingWorld::new(&Physics::STANDARD, &gripper, &procedure, &cube, mass_kg, friction);
+                let grip = world.close(&Pose::from_translation(Vec3::new(0.0, 0.0, 0.01))).ok().unwrap();
+                let pull = Load::Pull { acceleration_m_s2: Vec3::Z * 9.81, time_s: 0.25 };
+                let got = grip.bear(&pull, &Hold { moved_m_max: 0.05, turned_rad_max: PI }, 1.0);
+                assert_eq!(got.is_held, is_held, "{mass_kg} kg, {finger_force_n} N, {share} of friction: {got:?}");
+            }
+        }
+    }
+}
+
 /// Asks for every mass and force, at some grasps.
 fn assert_held(name: &str, body: &Body, width_m: f32, grasps: &[Pose]) {
     let mut lost = Vec::new();

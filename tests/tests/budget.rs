@@ -8,20 +8,20 @@ use workspace_tests::{SourceFile, assert_none, files, member_folders};
 /// Lines of Rust code by folder, without tests, comments and blanks.
 const RUST_MAX: &[(&str, usize)] = &[
     ("settings", 660),
-    ("schema", 1920),
+    ("schema", 1925),
     ("program", 490),
     ("report", 1936),
     ("shards", 4291),
     ("inspect", 1448),
-    ("simulator", 4877),
+    ("simulator", 5210),
     ("perception", 2790),
     ("grasps", 520),
     ("network", 2698),
-    ("generator", 4511),
+    ("generator", 4520),
     ("trainer", 3410),
     ("planner", 5847),
     ("experiments", 1304),
-    ("cli", 3887),
+    ("cli", 3895),
     ("python", 1722),
 ];
 

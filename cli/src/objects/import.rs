@@ -76,16 +76,16 @@ pub(super) struct MeshOptions {
     described: Option<PathBuf>,
 
     /// Most convex parts of an object; 1 makes it its convex hull
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = value_parser!(u8).range(1..=64))]
-    hulls_max: u8,
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = value_parser!(u16).range(1..=1024))]
+    hulls_max: u16,
 
     /// Most corners of a part; an attempt takes longer with more
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = value_parser!(u8).range(8..=64))]
     corners_max: u8,
 
-    /// Voxels along an object's longest side; objects are cut along voxels
-    #[arg(long, value_name = "N", default_value_t = 96, value_parser = value_parser!(u32).range(16..=256))]
-    voxels: u32,
+    /// An object is cut into more parts until they leave its surface by no more than this
+    #[arg(long, value_name = "METRES", default_value_t = 0.0008, value_parser = tolerance)]
+    tolerance: f32,
 }
 
 /// A number above 0.
@@ -98,6 +98,16 @@ fn positive(text: &str) -> Result<f64, String> {
 fn friction(text: &str) -> Result<f32, String> {
     let value: f32 = text.parse().map_err(|e| format!("{e}"))?;
     if (0.0..=5.0).contains(&value) { Ok(value) } else { Err(format!("must be between 0 and 5, got {text}")) }
+}
+
+/// From 50 micrometres to 10 millimetres.
+fn tolerance(text: &str) -> Result<f32, String> {
+    let value: f32 = text.parse().map_err(|e| format!("{e}"))?;
+    if (0.000_05..=0.01).contains(&value) {
+        Ok(value)
+    } else {
+        Err(format!("must be between 0.00005 and 0.01, got {text}"))
+    }
 }
 
 /// A number from 0 to 1.
@@ -117,7 +127,7 @@ impl MeshOptions {
             described: self.described.clone(),
             hulls_max: self.hulls_max,
             corners_max: self.corners_max,
-            voxels: self.voxels,
+            tolerance_m: self.tolerance,
             drops,
             rests_min,
         }

@@ -12,10 +12,11 @@ pub(super) const HOLD: Hold = Hold { moved_m_max: 0.05, turned_rad_max: PI };
 /// How long a pull of a lift lasts, in seconds.
 const LIFT_S: f32 = 0.25;
 
-/// The settings of every floating world. Walls of cups are thinner than the 2 mm at which jaws have met in scenes.
+/// The settings of every floating world. Blades and walls of cups are thinner than the 2 mm at which jaws have met in
+/// scenes: here nothing is left between them.
 pub static PHYSICS: Physics = Physics::STANDARD;
 /// See [`PHYSICS`].
-pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0005, ..Procedure::PAPER };
+pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0001, ..Procedure::PAPER };
 
 /// The six directions of the hand's axes, out of the hand first.
 pub(super) fn sides() -> [Vec3; 6] {

@@ -15,9 +15,11 @@ use crate::mesh::Seams;
 /// If an object's longest side is not between these, a warning questions its units.
 const PLAUSIBLE_M: [f64; 2] = [0.005, 1.0];
 /// Larger differences between mesh and parts cause a warning: volume, inertia, overlap.
-const VOLUME_SHARE: f64 = 0.05;
+const VOLUME_SHARE: f64 = 0.15;
 const INERTIA_SHARE: f64 = 0.1;
 const OVERLAP_SHARE: f64 = 0.05;
+/// So does a larger distance of parts from the mesh's surface.
+const OFF_M: f64 = 0.002;
 /// Decimals of a corner in a catalogue: a tenth of a micrometre.
 const DECIMALS: usize = 7;
 
@@ -58,6 +60,8 @@ pub struct ImportedObject {
     pub part_corners_max: usize,
     /// Largest distance in metres by which the mesh lies outside its simplified parts.
     pub simplified_m: f64,
+    /// Largest distance in metres by which its surface lies inside of a part.
+    pub filled_m: f64,
     /// Volume of all parts in cubic metres; overlaps count twice, as in the mass.
     pub parts_volume_m3: f64,
     /// The parts' volume as a share of the mesh's.
@@ -96,8 +100,8 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
         ));
     } else if let Some(share) = measured.confused_share {
         warnings.push(format!(
-            "its shells overlap, or one is inside out: {:.1} % of what it encloses; its mass, unless given, and its inertia are \
-             those of its parts",
+            "its shells overlap, or one is inside out: {:.1} % of what it encloses; its mass, unless given, is that of all \
+             this, its inertia that of its parts",
             100.0 * share
         ));
     } else if object.volume_m3.is_none() {
@@ -135,11 +139,18 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
     }
     if let Some(share) = object.parts_volume_share.filter(|share| (share - 1.0).abs() > VOLUME_SHARE) {
         let cure = if share > 1.0 {
-            "--hulls-max: the parts fill hollows"
+            "a smaller --tolerance: the parts fill hollows"
         } else {
-            "--corners-max: the parts cut off rounded surfaces"
+            "more --corners-max: the parts cut off rounded surfaces"
         };
-        warnings.push(format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * share));
+        warnings.push(format!("the parts have {:.1} % of its volume; {cure}", 100.0 * share));
+    }
+    let off_m = object.filled_m.max(object.simplified_m);
+    if object.parts > 1 && off_m > OFF_M {
+        warnings.push(format!(
+            "its parts leave its surface by up to {:.1} mm: more --hulls-max or --corners-max",
+            1000.0 * off_m
+        ));
     }
     if let Some(share) = object.parts_inertia_difference.filter(|share| *share > INERTIA_SHARE) {
         warnings.push(format!("the parts' inertia is {:.1} % from the mesh's", 100.0 * share));

@@ -4,6 +4,7 @@ use schema::{Polyhedron, Pose, Quat, Vec3, bounds_m};
 use wide::f32x4;
 
 use crate::engine::{EngineBody, UNITS_PER_M};
+use crate::mass_scaling::LeastInertia;
 use crate::{Body, PartShape, SceneObject};
 
 /// What a stepper moves, and what stands in its way beside the table.
@@ -14,10 +15,10 @@ pub(crate) struct Things {
 }
 
 impl Things {
-    /// Objects and fixtures of a scene; no object is less sluggish than one of `inertia_kg_min`.
-    pub(crate) fn of(objects: &[SceneObject], fixtures: &[Polyhedron], inertia_kg_min: f32) -> Self {
+    /// Objects and fixtures of a scene; no object is less sluggish than `least`.
+    pub(crate) fn of(objects: &[SceneObject], fixtures: &[Polyhedron], least: LeastInertia) -> Self {
         Self {
-            moving: objects.iter().map(|object| Thing::of(object, inertia_kg_min)).collect(),
+            moving: objects.iter().map(|object| Thing::of(object, least)).collect(),
             fixtures: fixtures.iter().map(|fixture| Part::new(fixture, false)).collect(),
         }
     }
@@ -118,10 +119,9 @@ pub(super) struct FaceOf {
 
 impl Thing {
     /// An object; its mass properties are rapier's.
-    pub(super) fn of(object: &SceneObject, inertia_kg_min: f32) -> Self {
+    pub(super) fn of(object: &SceneObject, least: LeastInertia) -> Self {
         let SceneObject { body, mass_kg, friction, workspace_from_object } = object;
-        let EngineBody { mass_properties: mass, weight_share, .. } =
-            EngineBody::new(body, *mass_kg, *friction, inertia_kg_min);
+        let EngineBody { mass_properties: mass, weight_share, .. } = EngineBody::new(body, *mass_kg, *friction, least);
         let units = UNITS_PER_M;
         let is_solid = |part: usize| match body {
             Body::Solid(_) => true,

@@ -10,6 +10,7 @@ use super::{Body, Jaws, Stepper};
 use crate::bodies::Bodies;
 use crate::engine::UNITS_PER_M;
 use crate::gate::tests::{V, points, widest_gap};
+use crate::mass_scaling::LeastInertia;
 use crate::{AttemptWorld, Scene, SceneObject};
 
 const GRAVITY_M_S2: f32 = 9.81;
@@ -24,7 +25,7 @@ fn gripper() -> Gripper {
 
 fn thing(kind: ShapeKind, extents_m: Vec3, mass_kg: f32, friction: f32, pose: Pose) -> Thing {
     let body = Solid::new(kind, extents_m).unwrap().into();
-    Thing::of(&SceneObject { body, mass_kg, friction, workspace_from_object: pose }, 0.0)
+    Thing::of(&SceneObject { body, mass_kg, friction, workspace_from_object: pose }, LeastInertia::NONE)
 }
 
 fn alone(moving: Vec<Thing>) -> Things {
