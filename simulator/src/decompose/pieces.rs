@@ -5,7 +5,7 @@
 //! triangles, so no piece reaches into another, and what the mesh fills, and nothing else, is filled up to the
 //! tolerance.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use glamx::{DMat3, DSymmetricEigen3, DVec3};
 use schema::{Plane, Vec3, bounds_m};
@@ -336,7 +336,7 @@ impl Cutter<'_> {
     fn hidden_faces(&self, piece: &Piece, points: &[u32]) -> Vec<(Vec3, Vec3)> {
         let Some(hull) = hull(&self.outermost(points)) else { return Vec::new() };
         let planes: Vec<Plane> = hull.planes().collect();
-        let mut faces: HashMap<[i32; 4], (f32, Vec3, Vec3)> = HashMap::new();
+        let mut faces: BTreeMap<[i32; 4], (f32, Vec3, Vec3)> = BTreeMap::new();
         for triangle in &piece.triangles {
             let [a, b, c] = triangle.map(|corner| self.points_m[corner as usize]);
             let (across, middle_m) = (self.across(triangle), (a + b + c) / 3.0);
@@ -418,7 +418,7 @@ impl Cutter<'_> {
             ..Piece::default()
         };
         let mut sides = [side(1.0), side(-1.0)];
-        let mut crossings = Crossings { known: HashMap::new(), plane, on_plane_m: self.on_plane_m };
+        let mut crossings = Crossings { known: BTreeMap::new(), plane, on_plane_m: self.on_plane_m };
         for triangle in &piece.triangles {
             let above = triangle.map(|corner| crossings.above(self.points_m[corner as usize]));
             if above.iter().all(|m| *m == 0.0) {
@@ -442,7 +442,7 @@ impl Cutter<'_> {
 
     /// The outlines of older cuts, and the line along which the new cut meets each of them.
     fn divide_outlines(&mut self, piece: &Piece, number: u32, crossings: &mut Crossings, sides: &mut [Piece; 2]) {
-        let mut met: HashMap<u32, Vec<u32>> = HashMap::new();
+        let mut met: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for (cut, [a, b]) in &piece.outlines {
             let [from_m, to_m] = [a, b].map(|end| crossings.above(self.points_m[*end as usize]));
             let (lower, upper) = if from_m < to_m { (*a, *b) } else { (*b, *a) };
@@ -462,8 +462,6 @@ impl Cutter<'_> {
                 met.entry(*cut).or_default().extend(at);
             }
         }
-        let mut met: Vec<(u32, Vec<u32>)> = met.into_iter().collect();
-        met.sort_unstable();
         for (cut, mut points) in met {
             let line = self.planes[cut as usize].normal.cross(self.planes[number as usize].normal);
             points
@@ -479,7 +477,7 @@ impl Cutter<'_> {
 
 /// The points where edges cross a plane; an edge of two triangles is crossed at one point.
 struct Crossings {
-    known: HashMap<[u32; 2], u32>,
+    known: BTreeMap<[u32; 2], u32>,
     plane: Plane,
     on_plane_m: f32,
 }
