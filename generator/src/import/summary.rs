@@ -137,6 +137,20 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
              objects out"
         ));
     }
+    warnings.extend(warnings_of_parts(object));
+    if let Some(drops) = object.test_drops.filter(|drops| drops.rested < drops.count()) {
+        let (rested, count, moved_on, left) = (drops.rested, drops.count(), drops.moved_on, drops.left);
+        warnings.push(format!(
+            "it came to rest in {rested} of {count} test drops: {moved_on} times it moved on, {left} times it left the workspace; \
+             --rests-min leaves such objects out"
+        ));
+    }
+    warnings
+}
+
+/// What is unusual about the parts beside the mesh.
+fn warnings_of_parts(object: &ImportedObject) -> Vec<String> {
+    let mut warnings = Vec::new();
     if let Some(share) = object.parts_volume_share.filter(|share| (share - 1.0).abs() > VOLUME_SHARE) {
         let cure = if share > 1.0 {
             "a smaller --tolerance: the parts fill hollows"
@@ -157,13 +171,6 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
     }
     if object.parts_overlap_share > OVERLAP_SHARE {
         warnings.push(format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share));
-    }
-    if let Some(drops) = object.test_drops.filter(|drops| drops.rested < drops.count()) {
-        let (rested, count, moved_on, left) = (drops.rested, drops.count(), drops.moved_on, drops.left);
-        warnings.push(format!(
-            "it came to rest in {rested} of {count} test drops: {moved_on} times it moved on, {left} times it left the workspace; \
-             --rests-min leaves such objects out"
-        ));
     }
     warnings
 }
