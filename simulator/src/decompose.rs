@@ -154,7 +154,8 @@ fn thickened(points_m: &[Vec3]) -> Option<Vec<Vec3>> {
 
 /// A hull with few corners: the outermost points along a few axes, then repeatedly the point farthest outside.
 fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result<(Polyhedron, f32), HullError> {
-    let points_m = &points_m.iter().map(|point| (*point * STEPS_PER_M).round() / STEPS_PER_M).collect::<Vec<_>>();
+    let in_steps = |at_m: Vec3| (at_m * STEPS_PER_M).round() / STEPS_PER_M;
+    let points_m = &points_m.iter().map(|point| in_steps(*point)).collect::<Vec<_>>();
     // Nearly always the corners that a quick look chooses have a hull that lasts, or all but one of them, or all moved
     // a little; the fewer, the clearer its faces.
     let [low, high] = bounds_m(points_m);
@@ -174,7 +175,7 @@ fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result
         let moved = (0..MOVES).map(|seed| {
             let mut stream = Stream::new(seed, 0, Purpose::Objects, 0);
             let mut step = || stream.point(Vec3::splat(-moved_m), Vec3::splat(moved_m));
-            chosen.iter().map(|at| ((*at + step()) * STEPS_PER_M).round() / STEPS_PER_M).collect::<Vec<_>>()
+            chosen.iter().map(|at| in_steps(*at + step())).collect::<Vec<_>>()
         });
         let least = without.chain(moved).filter_map(lasting).min_by(|a, b| a.1.total_cmp(&b.1));
         if let Some(least) = least.filter(|(_, least_m)| *least_m <= left_m.max(8.0 * tolerance_m)) {
@@ -310,6 +311,22 @@ mod tests {
         assert!((2..=3).contains(&parts.hulls.len()), "{} parts", parts.hulls.len());
         assert!(parts.simplified_m < 1e-3);
         assert_eq!(parts, convex_parts(&corners, &triangles, &LAW).unwrap());
+    }
+
+    /// Pieces of things that do not touch have no cut in common, and a limit still holds.
+    #[test]
+    fn separate_things_are_no_more_parts_than_wanted() {
+        let (corners, triangles) = ell();
+        let at = |place: u32| corners.iter().map(move |corner| *corner + Vec3::X * (0.2 * place as f32));
+        let all: Vec<Vec3> = (0..5).flat_map(at).collect();
+        let moved = |place: u32| triangles.iter().map(move |t| t.map(|i| i + 12 * place));
+        let triangles: Vec<[u32; 3]> = (0..5).flat_map(moved).collect();
+        for parts_max in [2, 3, 12] {
+            let parts = convex_parts(&all, &triangles, &PartsParams { parts_max, ..LAW }).unwrap();
+            assert!(parts.hulls.len() <= parts_max, "{} parts of {parts_max}", parts.hulls.len());
+            let [low, high] = bounds_m(parts.hulls.iter().flat_map(Polyhedron::corners_m));
+            assert!((high - low - Vec3::new(0.88, 0.08, 0.03)).length() < 1e-3, "nothing is lost: {low} to {high}");
+        }
     }
 
     #[test]

@@ -51,7 +51,7 @@ struct Measured {
     worst: usize,
     /// How far the surface lies inside of the hull, in metres.
     filled_m: f32,
-    /// The hull's corners, or only the outermost if it is too far off.
+    /// The hull's corners; none if it is too far off.
     corners_m: Vec<Vec3>,
     volume_m3: f32,
     area_m2: f32,
@@ -79,6 +79,7 @@ struct Cutter<'a> {
 /// The pieces of a mesh: so many that their hulls leave its surface by no more than the tolerance, if not too many.
 pub(super) fn pieces(corners_m: &[Vec3], triangles: &[[u32; 3]], params: &PartsParams) -> Vec<Finished> {
     let [low, high] = bounds_m(corners_m);
+    let size_m = (high - low).max_element();
     let golden = core::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
     let direction = |i: usize| {
         let z = 1.0 - (2.0 * i as f32 + 1.0) / DIRECTIONS as f32;
@@ -90,7 +91,7 @@ pub(super) fn pieces(corners_m: &[Vec3], triangles: &[[u32; 3]], params: &PartsP
         tolerance_m: params.tolerance_m,
         points_m: corners_m.to_vec(),
         planes: Vec::new(),
-        on_plane_m: ON_PLANE_SHARE * (high - low).max_element(),
+        on_plane_m: ON_PLANE_SHARE * size_m,
         directions: (0..DIRECTIONS).map(direction).chain([Vec3::X, Vec3::Y, Vec3::Z]).collect(),
     };
     let whole = Piece { triangles: triangles.to_vec(), ..Piece::default() };
@@ -107,14 +108,38 @@ pub(super) fn pieces(corners_m: &[Vec3], triangles: &[[u32; 3]], params: &PartsP
         }
     }
     let mut all = cutter.joined(all);
-    while all.len() > params.parts_max {
+    while all.len() > params.parts_max && cutter.tolerance_m < size_m {
         cutter.tolerance_m *= COARSER;
         all = cutter.joined(all);
     }
-    all.into_iter().map(|Measured { corners_m, filled_m, .. }| Finished { corners_m, filled_m }).collect()
+    // What touches nothing, as separate things in one mesh, is joined to what is left in the end.
+    while all.len() > params.parts_max.max(1) {
+        let smallest = (0..all.len()).min_by(|a, b| all[*a].volume_m3.total_cmp(&all[*b].volume_m3)).unwrap_or(0);
+        let small = all.swap_remove(smallest);
+        let away_m2 = |one: &Measured| (one.middle_m() - small.middle_m()).length_squared();
+        let nearest = (0..all.len()).min_by(|a, b| away_m2(&all[*a]).total_cmp(&away_m2(&all[*b]))).unwrap_or(0);
+        all[nearest] = cutter.measured(cutter.united(&all[nearest].piece, &small.piece));
+    }
+    all.into_iter().map(|one| cutter.finished(one)).collect()
+}
+
+impl Measured {
+    fn middle_m(&self) -> Vec3 {
+        0.5 * (self.bounds_m[0] + self.bounds_m[1])
+    }
 }
 
 impl Cutter<'_> {
+    /// A piece with the hull of all of its points.
+    fn finished(&self, Measured { piece, corners_m, filled_m, .. }: Measured) -> Finished {
+        let corners_m = if corners_m.is_empty() { self.all_m(&self.points_of(&piece)) } else { corners_m };
+        Finished { corners_m, filled_m }
+    }
+
+    fn all_m(&self, points: &[u32]) -> Vec<Vec3> {
+        points.iter().map(|point| self.points_m[*point as usize]).collect()
+    }
+
     /// The numbers of a piece's points.
     fn points_of(&self, piece: &Piece) -> Vec<u32> {
         let ends = piece.outlines.iter().flat_map(|(_, ends)| ends);
@@ -146,10 +171,14 @@ impl Cutter<'_> {
         outermost.iter().map(at).collect()
     }
 
-    /// Measures a piece: first by the hull of its outermost points, which lies within its own.
     fn measured(&self, piece: Piece) -> Measured {
         let points = self.points_of(&piece);
-        let outermost_m = self.outermost(&points);
+        let rough = hull(&self.outermost(&points));
+        self.measured_after(piece, &points, rough)
+    }
+
+    /// Measures a piece: first by the hull of its outermost points, `rough`, which lies within its own.
+    fn measured_after(&self, piece: Piece, points: &[u32], rough: Option<Hull>) -> Measured {
         let area_m2 = piece.triangles.iter().map(|triangle| 0.5 * self.across(triangle).length()).sum();
         let bounds_m = bounds_m(points.iter().map(|point| &self.points_m[*point as usize]));
         let blank = Measured {
@@ -166,12 +195,11 @@ impl Cutter<'_> {
             let (filled_m, worst) = self.worst(&blank.piece, hull.planes());
             (filled_m, worst, hull.volume_m3() as f32)
         };
-        let rough = hull(&outermost_m);
         if let Some((filled_m, worst, volume_m3)) = rough.as_ref().map(with).filter(|(m, ..)| *m > self.tolerance_m) {
             let worst_m = filled_m - self.tolerance_m;
-            return Measured { worst_m, worst, filled_m, corners_m: outermost_m, volume_m3, ..blank };
+            return Measured { worst_m, worst, filled_m, volume_m3, ..blank };
         }
-        let points_m: Vec<Vec3> = points.iter().map(|point| self.points_m[*point as usize]).collect();
+        let points_m = self.all_m(points);
         let Some(hull) = hull(&points_m) else { return Measured { corners_m: points_m, ..blank } };
         let (filled_m, worst, volume_m3) = with(&hull);
         let left_m = left_out_m(&hull.corners_m, self.params.corners_max, self.tolerance_m);
@@ -243,46 +271,48 @@ impl Cutter<'_> {
     /// Two pieces as one, if that is within the tolerance, and if they fill their common hull but for what the
     /// tolerance leaves before their surface: it might reach into a third piece.
     fn as_one(&self, a: &Measured, b: &Measured) -> Option<Measured> {
-        let room = Vec3::splat(self.on_plane_m);
-        let [[a_low, a_high], [b_low, b_high]] = [a.bounds_m, b.bounds_m];
-        if !((a_low - room).cmple(b_high).all() && (b_low - room).cmple(a_high).all()) {
-            return None;
-        }
         let most_m3 = a.volume_m3 + b.volume_m3 + FILLED_SHARE * self.tolerance_m * (a.area_m2 + b.area_m2);
-        let piece = self.together(&a.piece, &b.piece)?;
-        let outermost_m = self.outermost(&self.points_of(&piece));
-        if hull(&outermost_m).is_none_or(|rough| rough.volume_m3() as f32 > most_m3) {
+        if !self.boxes_meet(a.bounds_m, b.bounds_m) || !self.touch(&a.piece, &b.piece) {
             return None;
         }
-        Some(self.measured(piece)).filter(|both| both.worst_m <= 0.0 && both.volume_m3 <= most_m3)
+        let piece = self.united(&a.piece, &b.piece);
+        let points = self.points_of(&piece);
+        let rough = hull(&self.outermost(&points)).filter(|rough| rough.volume_m3() as f32 <= most_m3)?;
+        Some(self.measured_after(piece, &points, Some(rough)))
+            .filter(|both| both.worst_m <= 0.0 && both.volume_m3 <= most_m3)
     }
 
-    /// Two pieces as one, if they touch at a cut.
-    fn together(&self, a: &Piece, b: &Piece) -> Option<Piece> {
+    /// Whether two pieces touch at a cut.
+    fn touch(&self, a: &Piece, b: &Piece) -> bool {
         let touches = |cut: &(u32, f32)| b.cuts.iter().any(|other| other.0 == cut.0 && other.1 != cut.1);
-        let common = a.cuts.iter().find(|cut| touches(cut))?.0;
+        let Some((common, _)) = a.cuts.iter().copied().find(touches) else { return false };
         let bounds = |piece: &Piece| {
             let ends = piece.outlines.iter().filter(|(cut, _)| *cut == common).flat_map(|(_, ends)| *ends);
             bounds_m(ends.map(|end| &self.points_m[end as usize]))
         };
-        let ([a_low, a_high], [b_low, b_high]) = (bounds(a), bounds(b));
+        self.boxes_meet(bounds(a), bounds(b))
+    }
+
+    fn boxes_meet(&self, [a_low, a_high]: [Vec3; 2], [b_low, b_high]: [Vec3; 2]) -> bool {
         let room = Vec3::splat(self.on_plane_m);
-        let meet = (a_low - room).cmple(b_high).all() && (b_low - room).cmple(a_high).all();
-        meet.then(|| {
-            let mut both = Piece {
-                triangles: [&a.triangles[..], &b.triangles].concat(),
-                outlines: [&a.outlines[..], &b.outlines].concat(),
-                cuts: Vec::new(),
-            };
-            let points = self.points_of(&both);
-            let bounds = |(cut, sign): &(u32, f32)| {
-                let Plane { normal, offset_m } = self.planes[*cut as usize];
-                let above_m = |point: &u32| sign * (normal.dot(self.points_m[*point as usize]) - offset_m);
-                points.iter().all(|point| above_m(point) <= 2.0 * self.on_plane_m)
-            };
-            both.cuts = a.cuts.iter().chain(&b.cuts).filter(|cut| bounds(cut)).copied().collect();
-            both
-        })
+        (a_low - room).cmple(b_high).all() && (b_low - room).cmple(a_high).all()
+    }
+
+    /// Two pieces as one, bounded by those of their cuts that do not part them.
+    fn united(&self, a: &Piece, b: &Piece) -> Piece {
+        let mut both = Piece {
+            triangles: [&a.triangles[..], &b.triangles].concat(),
+            outlines: [&a.outlines[..], &b.outlines].concat(),
+            cuts: Vec::new(),
+        };
+        let points = self.points_of(&both);
+        let bounds = |(cut, sign): &(u32, f32)| {
+            let Plane { normal, offset_m } = self.planes[*cut as usize];
+            let above_m = |point: &u32| sign * (normal.dot(self.points_m[*point as usize]) - offset_m);
+            points.iter().all(|point| above_m(point) <= 2.0 * self.on_plane_m)
+        };
+        both.cuts = a.cuts.iter().chain(&b.cuts).filter(|cut| bounds(cut)).copied().collect();
+        both
     }
 
     /// The best cut of a piece; `None` if there is none.
@@ -310,8 +340,7 @@ impl Cutter<'_> {
     fn candidates(&self, measured: &Measured, points: &[u32]) -> Vec<Plane> {
         let Measured { piece, worst, .. } = measured;
         let at = |point: &u32| self.points_m[*point as usize];
-        let [low, high] = measured.bounds_m;
-        let middle_m = 0.5 * (low + high);
+        let middle_m = measured.middle_m();
         let axes = self.axes_of(piece);
         let mut wanted: Vec<(Vec3, Vec3)> =
             [Vec3::X, Vec3::Y, Vec3::Z].into_iter().chain(axes).map(|axis| (axis, middle_m)).collect();
@@ -389,6 +418,7 @@ impl Cutter<'_> {
                 crossings_m.push(start + (end - start) * (from_m / (from_m - to_m)));
             }
         }
+        let crossed_m = self.outermost_of(&crossings_m);
         let mut volumes_m3 = [0.0; 2];
         for (side, volume_m3) in sides.iter_mut().zip(&mut volumes_m3) {
             if side.is_empty() {
@@ -397,7 +427,7 @@ impl Cutter<'_> {
             side.sort_unstable();
             side.dedup();
             let mut points_m = self.outermost(side);
-            points_m.extend(self.outermost_of(&crossings_m));
+            points_m.extend(&crossed_m);
             *volume_m3 = hull(&points_m).map_or(0.0, |hull| hull.volume_m3() as f32);
         }
         Some(volumes_m3[0] + volumes_m3[1] + EVENNESS * volumes_m3[0].max(volumes_m3[1]))
