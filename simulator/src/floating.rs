@@ -337,19 +337,19 @@ impl Grip<'_> {
             if is_lost || width_m <= procedure.empty_width_m {
                 return Ending { is_held: false, motion };
             }
-            let [linear_m_s, angular_rad_s] = stepper.velocities(0);
-            let rests =
-                linear_m_s.length() <= REST_SPEED_M_S * slow && angular_rad_s.length() <= REST_TURN_RAD_S * slow;
-            resting = if rests && since_gripped == 0 && load.is_steady(time_s) { resting + 1 } else { 0 };
-            if resting >= rest_steps && (physics.shortcuts || time_s >= load.time_s()) {
+            let rests = || {
+                let [linear_m_s, angular_rad_s] = stepper.velocities(0);
+                linear_m_s.length() <= REST_SPEED_M_S * slow && angular_rad_s.length() <= REST_TURN_RAD_S * slow
+            };
+            resting = if load.is_steady(time_s) && since_gripped == 0 && rests() { resting + 1 } else { 0 };
+            if physics.shortcuts && resting >= rest_steps {
                 break;
             }
         }
         // Had it only its own inertia, what is still on its way would have come so much further.
-        let (is_at_rest, far) = (resting >= rest_steps, 1.0 / stepper.weight_share(0));
-        let may_move = is_at_rest || !load.is_steady(load.time_s());
+        let (falls, far) = (matches!(load, Load::Pull { .. }) && resting < rest_steps, 1.0 / stepper.weight_share(0));
         let stays =
-            may_move || motion.moved_m * far <= hold.moved_m_max && motion.turned_rad * far <= hold.turned_rad_max;
+            !falls || motion.moved_m * far <= hold.moved_m_max && motion.turned_rad * far <= hold.turned_rad_max;
         Ending { is_held: stays && since_gripped <= rest_steps, motion }
     }
 }
