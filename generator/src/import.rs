@@ -308,7 +308,7 @@ impl Import<'_> {
             parts.hulls.iter().map(MassIntegrals::from).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
         let balance = measured.solid.unwrap_or(of_parts);
         let density_kg_m3 = own.density_kg_m3.or(params.density).unwrap_or(DENSITY_KG_M3);
-        // An open mesh encloses nothing: its parts are thin or full as the voxels find its holes. Its hull is neither.
+        // An open mesh encloses nothing: its parts are thin or full as it is cut. Its hull is neither.
         let filled_m3 = match (measured.solid, measured.confused_share) {
             (Some(solid), _) => solid.volume_m3,
             (None, Some(_)) => measured.enclosed_m3,

@@ -47,8 +47,9 @@ impl AttemptWorld<'_> {
         let fingers = gripper.fingers(gripper.opening_m_max).into_iter().zip([Vec3::Y, -Vec3::Y]);
         let free_m = fingers
             .map(|(finger, inward)| {
-                let grown = PlacedPart::from_box(&finger.grown(near_m), Vec3::ZERO);
-                let swept = finger.grown(near_m).swept(inward * gripper.opening_m_max);
+                let near = finger.grown(near_m);
+                let (grown, swept) =
+                    (PlacedPart::from_box(&near, Vec3::ZERO), near.swept(inward * gripper.opening_m_max));
                 let on_way = objects.iter().filter(|o| swept.is_near(o.centre_m, o.radius_m));
                 let to_objects = on_way.map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
                 let sinking = -inward.dot(up);
