@@ -14,7 +14,9 @@ mod stable;
 mod surface;
 
 use rayon::prelude::*;
-use schema::{GraspSource, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream, Vec3};
+use schema::{
+    GraspSource, HandBox, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream, Vec3,
+};
 use simulator::{FloatingWorld, Grip, Hold, Load, Motion};
 
 use self::bearing::{G_M_S2, HOLD, loads, sides};
@@ -240,8 +242,8 @@ impl<'a> Bench<'a> {
     fn is_free(&self, stable: &StablePose, object_from_grasp: &Pose) -> bool {
         let gripper = &self.params.gripper;
         let table_from_grasp = stable.table_from_object * *object_from_grasp;
-        let swept = gripper.open_hand().map(|b| b.swept_back(PROCEDURE.pregrasp_distance_m).grown(gripper.clearance_m));
-        swept.iter().all(|b| b.lowest_z_m(&table_from_grasp) >= 0.0)
+        let swept = |b: HandBox| b.swept_back(PROCEDURE.pregrasp_distance_m).grown(gripper.clearance_m);
+        gripper.open_hand().into_iter().all(|b| swept(b).lowest_z_m(&table_from_grasp) >= 0.0)
     }
 
     fn coverage(&self, grasps: &[ObjectGrasp]) -> Option<f32> {

@@ -9,7 +9,8 @@ const FRAME_RATE_HZ: f32 = 60.0;
 const APPROACH_TIME_S: f32 = 0.6;
 
 /// Names of the boxes of the hand.
-pub const HAND: [&str; 3] = ["left finger", "right finger", "palm"];
+pub const HAND: [&str; 5] =
+    ["left finger", "right finger", "palm", "left finger behind its tip", "right finger behind its tip"];
 
 /// What happened in an attempt, for whoever shows it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -78,7 +79,7 @@ pub struct Blocked {
     /// Where.
     pub point_m: Vec3,
     /// The boxes that the gate tested, in the frame of the grasp: the open hand or its sweep, with the clearance.
-    pub boxes: [HandBox; 3],
+    pub boxes: Vec<HandBox>,
 }
 
 /// A recording of an attempt.
@@ -273,7 +274,7 @@ fn blocked(gripper: &Gripper, distance_m: f32, obstruction: &Obstruction) -> Blo
     Blocked {
         label: format!("the {part} is within {clearance_mm:.1} mm of {what} {when}"),
         point_m: obstruction.point_m,
-        boxes: gripper.open_hand().map(tested),
+        boxes: gripper.open_hand().into_iter().map(tested).collect(),
     }
 }
 

@@ -55,7 +55,7 @@ pub struct ObservedScene<'a> {
 #[derive(Debug, Clone)]
 pub struct CandidateSampler {
     span_m: f32,
-    swept: [HandBox; 3],
+    swept: Vec<HandBox>,
     /// Points of the swept hand in the grasp frame, in groups, those at the tips first.
     looks: Vec<Looks>,
 }
@@ -120,7 +120,8 @@ impl CandidateSampler {
     /// Prepares a hand that starts `pregrasp_distance_m` behind its grasp.
     #[must_use]
     pub fn new(gripper: &Gripper, pregrasp_distance_m: f32) -> Self {
-        let swept = gripper.open_hand().map(|b| b.swept_back(pregrasp_distance_m).grown(gripper.clearance_m));
+        let swept = |b: HandBox| b.swept_back(pregrasp_distance_m).grown(gripper.clearance_m);
+        let swept: Vec<HandBox> = gripper.open_hand().into_iter().map(swept).collect();
         let mut looks: Vec<Looks> = swept.iter().flat_map(looks_of).collect();
         looks.sort_by(|a, b| b.middle_m.z.total_cmp(&a.middle_m.z));
         Self { span_m: gripper.span_m(), swept, looks }
@@ -301,7 +302,8 @@ mod tests {
 
     /// How deep the deepest point of any of these hands, on its way, is in the box.
     fn deepest_m(gripper: &Gripper, hands: &[Grasp]) -> f32 {
-        let swept = gripper.open_hand().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m));
+        let hand = gripper.open_hand();
+        let swept: Vec<_> = hand.iter().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m)).collect();
         let points_m: Vec<Vec3> = swept.iter().flat_map(looks_of).flat_map(|looks| looks.points_m).collect();
         let depths_m = hands
             .iter()
@@ -313,7 +315,8 @@ mod tests {
     fn hands_are_free_and_come_from_above_or_from_the_side() {
         let (gripper, hands) = proposed(500);
         assert_eq!(hands.len(), 500);
-        let swept = gripper.open_hand().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m));
+        let hand = gripper.open_hand();
+        let swept: Vec<_> = hand.iter().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m)).collect();
         for Grasp { workspace_from_grasp: pose, .. } in &hands {
             assert!((pose.rotation * Vec3::Z).z <= APPROACH_RISE_MAX);
             assert!(swept.iter().all(|b| b.lowest_z_m(pose) > 0.05));

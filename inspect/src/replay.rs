@@ -112,7 +112,7 @@ fn add(view: &mut View, recording: &Recording, gripper: &Gripper, grasp: &Pose) 
         contact(&touch.label, flat_points(touch.points_m.iter().copied()), Some([touch.frame, touch.frame]))
     }));
     for (part, hand_box) in gripper.open_hand().iter().enumerate() {
-        let poses = poses(recording, |frame| frame.hand[part]);
+        let poses = poses(recording, |frame| frame.hand[part % 3]);
         view.bodies.push(Body { poses, ..Body::of_box(Class::Hand, HAND[part], hand_box, &[]) });
     }
     let Some(blocked) = &recording.blocked else { return };

@@ -93,8 +93,8 @@ impl Scope {
         };
         let spans = hands.iter().any(|hand| hand.numbers() != hands[0].numbers());
         let spans = spans.then(|| std::array::from_fn(span));
-        // Where a hand is mounted decides no label, and is not stored.
-        let gripper = Gripper { flange_from_grasp: None, ..hands[0].clone() };
+        // Where a hand is mounted decides no label, and judges see hands of three boxes.
+        let gripper = Gripper { flange_from_grasp: None, finger_tip: None, ..hands[0].clone() };
         Self { gripper, hands: spans, pregrasp_distance_m, grid, robustness }
     }
 

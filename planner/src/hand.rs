@@ -34,8 +34,8 @@ impl HandVolume {
     #[must_use]
     pub fn swept(gripper: &Gripper, params: &CollisionParams) -> Self {
         let margin_m = gripper.clearance_m + params.margin_m;
-        let swept = gripper.open_hand().map(|b| b.swept_back(params.pregrasp_distance_m).grown(margin_m));
-        Self::new(swept.to_vec())
+        let swept = |b: HandBox| b.swept_back(params.pregrasp_distance_m).grown(margin_m);
+        Self::new(gripper.open_hand().into_iter().map(swept).collect())
     }
 
     /// These boxes.

@@ -63,8 +63,8 @@ impl<'a> Limiter<'a> {
         will_do: &'a WillDo<'a>,
     ) -> Self {
         let Config { gripper, collision, .. } = config;
-        let way_out = gripper.open_hand().map(|part| part.swept_back(WAY_OUT_M));
-        let swept = gripper.open_hand().map(|part| part.swept_back(collision.pregrasp_distance_m));
+        let swept_back = |way_m| gripper.open_hand().iter().map(|part| part.swept_back(way_m)).collect::<Vec<_>>();
+        let (way_out, swept) = (swept_back(WAY_OUT_M), swept_back(collision.pregrasp_distance_m));
         let corners_m = swept.iter().flat_map(corners).collect();
         let half_m = Vec3::new(
             0.5 * gripper.finger_width_m + BETWEEN_MARGIN_M,
@@ -84,7 +84,7 @@ impl<'a> Limiter<'a> {
             target_m,
             walls,
             way_out_corners_m: way_out.iter().flat_map(corners).collect(),
-            way_out: HandVolume::new(way_out.to_vec()),
+            way_out: HandVolume::new(way_out),
             is_in_sight,
             will_do,
             refused: Default::default(),

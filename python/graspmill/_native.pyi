@@ -39,6 +39,7 @@ class Simulation:
     gripper: list[tuple[str, float]]
     gripper_name: str
     flange_from_grasp: list[float] | None
+    finger_tip: list[float] | None
     @staticmethod
     def gripper_names() -> list[str]: ...
     def __new__(cls, config: _Path | None, set: Sequence[tuple[str, str]]) -> Simulation: ...

@@ -298,7 +298,7 @@ def _toml(gripper: Gripper, boxes: HandBoxes) -> str:
             if value is not None:
                 *position, x, y, z, w = (round(part, 6) for part in _arrays.pose(field.name, value))
                 lines.append(f"{field.name} = {{ position_m = {position}, quaternion_xyzw = {[x, y, z, w]} }}")
-        else:
+        elif value is not None:
             lines.append(f'{field.name} = "{value}"' if field.name == "name" else f"{field.name} = {value!r}")
     return "\n".join(lines) + "\n"
 

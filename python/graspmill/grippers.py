@@ -19,7 +19,7 @@ GripperLike = Union["Gripper", str, "os.PathLike[str]"]
 
 @dataclass(frozen=True, eq=False)
 class Gripper:
-    """A parallel-jaw gripper, as three boxes: two fingers and a palm (``docs/own-gripper.md``).
+    """A parallel-jaw gripper, as boxes: two fingers and a palm (``docs/own-gripper.md``).
 
     Lengths are along the axes of the grasp frame: z is the approach, y the closing direction. The fingers reach from
     z = −``finger_length_m`` to z = 0.
@@ -40,6 +40,7 @@ class Gripper:
         clearance_m: The approaching gripper counts as colliding with anything nearer than this.
         flange_from_grasp: The grasp frame in the frame of the robot's flange, ``[4, 4]``, ``[7]`` or ``[3]``; with it,
             plans also have the poses of the flange.
+        finger_tip: Thickness and length of the part of the fingers at their tips that is thinner, if there is one.
 
     Raises:
         InputError: If a number is outside its limits; the message names it.
@@ -59,6 +60,7 @@ class Gripper:
     friction: float = 1.0
     clearance_m: float = 0.001
     flange_from_grasp: NDArray[np.float64] | None = None
+    finger_tip: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.flange_from_grasp is not None:
@@ -82,7 +84,13 @@ class Gripper:
         flange = read.flange_from_grasp
         pose = None if flange is None else _arrays.matrices([flange])[0]
         # The shortest decimals that are the same in single precision, as files have them.
-        return cls(name=read.gripper_name, flange_from_grasp=pose, **{key: float(str(np.float32(value))) for key, value in read.gripper})
+        numbers = {key: _shortest(value) for key, value in read.gripper}
+        tip = None if read.finger_tip is None else (_shortest(read.finger_tip[0]), _shortest(read.finger_tip[1]))
+        return cls(name=read.gripper_name, flange_from_grasp=pose, finger_tip=tip, **numbers)
+
+
+def _shortest(value: float) -> float:
+    return float(str(np.float32(value)))
 
 
 def loaded(gripper: GripperLike) -> Gripper:
@@ -107,6 +115,10 @@ def setting(gripper: GripperLike) -> str:
             if value is not None:
                 *position, x, y, z, w = _arrays.pose(field.name, value)
                 parts[field.name] = f"{{ position_m = {position}, quaternion_xyzw = {[x, y, z, w]} }}"
+        elif field.name == "finger_tip":
+            if value is not None:
+                thickness, length = (_arrays.number(field.name, part, 0.0, 1e3) for part in value)
+                parts[field.name] = f"{{ thickness_m = {thickness!r}, length_m = {length!r} }}"
         else:
             parts[field.name] = repr(_arrays.number(field.name, value, 0.0, 1e3))
     return "{ " + ", ".join(f"{key} = {value}" for key, value in parts.items()) + " }"

@@ -37,7 +37,7 @@ NUMBERS: dict[str, tuple[int, ...]] = {
     "opening_m": (),
 }
 #: Numbers of a gripper.
-LENGTHS = tuple(one.name for one in fields(Gripper) if one.name not in ("name", "flange_from_grasp"))
+LENGTHS = tuple(one.name for one in fields(Gripper) if one.name not in ("name", "flange_from_grasp", "finger_tip"))
 
 
 def _unknown() -> Numbers:

@@ -108,6 +108,12 @@ impl Simulation {
         self.gripper.numbers().to_vec()
     }
 
+    /// Thickness and length of its fingers' tips, in metres, if they are thinner.
+    #[getter]
+    fn finger_tip(&self) -> Option<[f32; 2]> {
+        self.gripper.finger_tip.map(|tip| [tip.thickness_m, tip.length_m])
+    }
+
     /// The hand's name.
     #[getter]
     fn gripper_name(&self) -> &str {

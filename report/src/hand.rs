@@ -125,7 +125,7 @@ impl Drawing {
     }
 
     /// The boxes, the flange and the axes.
-    fn side(&mut self, side: &Side, boxes: &[HandBox; 3], flange_m: Option<f32>) {
+    fn side(&mut self, side: &Side, boxes: &[HandBox], flange_m: Option<f32>) {
         let (right, right_axis) = side.right;
         for (number, HandBox { centre_m, half_m }) in boxes.iter().enumerate() {
             let (centre, half) = (centre_m.dot(right), half_m.dot(right));

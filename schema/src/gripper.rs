@@ -1,4 +1,4 @@
-//! The hand: a free-floating parallel jaw made of three boxes.
+//! The hand: a free-floating parallel jaw made of three boxes, or of five where its fingers have thinner tips.
 //!
 //! In the grasp frame the fingers reach from z = −`finger_length_m` to z = 0 and open along y; the palm lies behind
 //! them. One gripper file serves the generator, the cross-check, the planner and the experiments.
@@ -23,8 +23,12 @@ settings! {
         pub finger_length_m: f32 where 0.005..=0.5,
         /// Finger width along x.
         pub finger_width_m: f32 where 0.001..=0.2,
-        /// Finger thickness along y.
+        /// Finger thickness along y, at its thickest.
         pub finger_thickness_m: f32 where 0.001..=0.1,
+        /// The part of the fingers at their tips that is thinner, if there is one, `{ thickness_m, length_m }`. Inner
+        /// faces are straight.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub finger_tip: Option<FingerTip>; or None,
         /// Palm length along z.
         pub palm_length_m: f32 where 0.001..=0.5,
         /// Palm width along x.
@@ -46,6 +50,19 @@ settings! {
         /// on it.
         #[serde(skip)]
         pub flange_from_grasp: Option<PoseParts>; or None,
+    }
+    check Gripper::has_tips_within_fingers
+}
+
+settings! {
+    /// The thinner part of a finger, down to its tip.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct FingerTip {
+        /// Thickness along y.
+        pub thickness_m: f32 where 0.001..=0.1,
+        /// Length along z.
+        pub length_m: f32 where 0.001..=0.5,
     }
 }
 
@@ -99,6 +116,16 @@ impl Gripper {
         ("robotiq_2f_140", include_str!("../../configs/grippers/robotiq_2f_140.toml")),
         ("robotiq_hand_e", include_str!("../../configs/grippers/robotiq_hand_e.toml")),
     ];
+
+    fn has_tips_within_fingers(&self, reader: &mut Reader<'_>) {
+        let Some(tip) = self.finger_tip else { return };
+        for (key, got, most) in [
+            ("finger_tip.thickness_m", tip.thickness_m, self.finger_thickness_m),
+            ("finger_tip.length_m", tip.length_m, self.finger_length_m),
+        ] {
+            reader.must(key, got <= most, || format!("must be at most the finger's, {most}, got {got}"));
+        }
+    }
 
     /// The widest that it takes between its fingers, in metres.
     #[must_use]
@@ -158,12 +185,21 @@ impl Gripper {
         ]
     }
 
-    /// The two fingers (−y, then +y) with their inner faces `width_m` apart.
+    /// The two fingers (−y, then +y) with their inner faces `width_m` apart, as thick as their tips: what grips, and
+    /// all that physics moves. What is thicker behind the tips is outside of them.
     #[must_use]
     pub fn fingers(&self, width_m: f32) -> [HandBox; 2] {
-        let half_m = Vec3::new(self.finger_width_m, self.finger_thickness_m, self.finger_length_m) * 0.5;
-        [-1.0, 1.0]
-            .map(|side| HandBox { centre_m: Vec3::new(0.0, side * (0.5 * width_m + half_m.y), -half_m.z), half_m })
+        let thickness_m = self.finger_tip.map_or(self.finger_thickness_m, |tip| tip.thickness_m);
+        self.fingers_behind(width_m, thickness_m, 0.0)
+    }
+
+    /// The fingers but for so much of their tips.
+    fn fingers_behind(&self, width_m: f32, thickness_m: f32, tip_m: f32) -> [HandBox; 2] {
+        let half_m = Vec3::new(self.finger_width_m, thickness_m, self.finger_length_m - tip_m) * 0.5;
+        [-1.0, 1.0].map(|side| {
+            let centre_m = Vec3::new(0.0, side * (0.5 * width_m + half_m.y), -half_m.z - tip_m);
+            HandBox { centre_m, half_m }
+        })
     }
 
     /// The palm.
@@ -173,11 +209,19 @@ impl Gripper {
         HandBox { centre_m: Vec3::new(0.0, 0.0, -self.finger_length_m - half_m.z), half_m }
     }
 
-    /// The whole open hand: the fingers, then the palm.
+    /// The whole open hand: the [fingers](Self::fingers), the palm, and where they are thicker behind their tips, the
+    /// fingers there.
     #[must_use]
-    pub fn open_hand(&self) -> [HandBox; 3] {
-        let [left, right] = self.fingers(self.opening_m_max);
-        [left, right, self.palm()]
+    pub fn open_hand(&self) -> Vec<HandBox> {
+        self.hand(self.opening_m_max)
+    }
+
+    /// The whole hand, as [`Self::open_hand`] has it, with the fingers' inner faces `width_m` apart.
+    #[must_use]
+    pub fn hand(&self, width_m: f32) -> Vec<HandBox> {
+        let thick = self.finger_tip.map(|tip| self.fingers_behind(width_m, self.finger_thickness_m, tip.length_m));
+        let boxes = self.fingers(width_m).into_iter().chain([self.palm()]);
+        boxes.chain(thick.into_iter().flatten()).collect()
     }
 
     /// The robot's flange in the frame in which a grasp is given, if the hand's file says where it is.
@@ -193,6 +237,12 @@ impl HandBox {
     #[must_use]
     pub fn swept_back(&self, distance_m: f32) -> Self {
         self.swept(Vec3::new(0.0, 0.0, -distance_m))
+    }
+
+    /// The box moved.
+    #[must_use]
+    pub fn moved(&self, way_m: Vec3) -> Self {
+        Self { centre_m: self.centre_m + way_m, ..*self }
     }
 
     /// The box lengthened by a way along one of its axes: everything that it passes.
@@ -235,9 +285,32 @@ mod tests {
     const PAPER: &str = Gripper::BUILT_IN[0].1;
 
     #[test]
+    fn a_thin_tip_is_a_part_of_its_finger() {
+        let [plain, tipped] =
+            [Gripper::BUILT_IN[0].1, Gripper::BUILT_IN[3].1].map(|text| Gripper::from_toml(text).unwrap());
+        assert_eq!((plain.open_hand().len(), tipped.open_hand().len()), (3, 5));
+        let low_m = |b: &HandBox| b.centre_m - b.half_m;
+        let high_m = |b: &HandBox| b.centre_m + b.half_m;
+        let hand = tipped.hand(0.03);
+        let tip = tipped.finger_tip.unwrap();
+        for (finger, thick, side) in [(&hand[0], &hand[3], -1.0), (&hand[1], &hand[4], 1.0)] {
+            assert!((2.0 * finger.half_m.y - tip.thickness_m).abs() < 1e-6 && high_m(finger).z == 0.0);
+            assert!((2.0 * thick.half_m.y - tipped.finger_thickness_m).abs() < 1e-6);
+            assert!((high_m(thick).z + tip.length_m).abs() < 1e-6 && (low_m(thick).z - low_m(finger).z).abs() < 1e-6);
+            for part in [finger, thick] {
+                let inner_m = part.centre_m.y - side * part.half_m.y;
+                assert!((inner_m - side * 0.015).abs() < 1e-6, "inner faces are straight");
+            }
+        }
+        let too_thick = Gripper::BUILT_IN[3].1.replace("thickness_m = 0.014", "thickness_m = 0.027");
+        let message = Gripper::from_toml(&too_thick).unwrap_err().to_string();
+        assert!(message.contains("finger_tip.thickness_m must be at most the finger's, 0.026, got 0.027"), "{message}");
+    }
+
+    #[test]
     fn the_shipped_gripper_is_the_designs() {
         let gripper = Gripper::from_toml(PAPER).unwrap();
-        let [left, right, palm] = gripper.open_hand();
+        let [left, right, palm] = gripper.open_hand().try_into().unwrap();
         let inner_gap = (right.centre_m.y - right.half_m.y) - (left.centre_m.y + left.half_m.y);
         assert!((inner_gap - 0.08).abs() < 1e-6);
         assert!((left.centre_m.z + left.half_m.z).abs() < 1e-6, "finger tips end at z = 0");

@@ -86,6 +86,7 @@ impl RandomHands {
                 closing_speed_m_s: 0.5 * opening_m_max / within(self.closing_time_s),
                 friction: within(self.friction),
                 clearance_m: within(self.clearance_m),
+                finger_tip: None,
                 flange_from_grasp: None,
             }
         };

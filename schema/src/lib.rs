@@ -54,7 +54,7 @@ pub use container::{Container, ContainerError, ContainerKind};
 pub use generation::{CameraParams, Engine, Physics, SettleParams, TsdfParams, ViewParams};
 pub use grasp::Grasp;
 pub use grid::{Grid, GridError, Lattice, VoxelGrid};
-pub use gripper::{Gripper, HandBox, PoseParts};
+pub use gripper::{FingerTip, Gripper, HandBox, PoseParts};
 pub use hands::{HANDS_MAX, Hands, hand_of};
 pub use law::{Drawn, Law, SLIDE_SHARE, TIP_DEPTH_M, Tilt, along_normal, law_of};
 pub use mass_integrals::{MassIntegrals, relative_difference};

@@ -440,7 +440,7 @@ impl<'a> Run<'a> {
             self.tell(AttemptEvent::NearContainer);
             return Some(Hit::CONTAINER);
         }
-        let mut closed = ways_m.map(|(finger, way_m)| HandBox { centre_m: finger.centre_m + way_m, ..*finger });
+        let mut closed = ways_m.map(|(finger, way_m)| finger.moved(way_m));
         let low = closed.any(|b| b.lowest_z_m(&self.workspace_from_grasp) < self.setup.table_z_m + near_m);
         if low {
             self.tell(AttemptEvent::NearTable);
@@ -456,15 +456,13 @@ impl<'a> Run<'a> {
         }
         let [left, right] = self.engine.closed_m();
         let [left, right] = [left, -right].map(|way_m| Vec3::Y * way_m);
-        let closed = gripper.open_hand().into_iter().zip([left, right, Vec3::ZERO]);
-        let hand: Vec<HandBox> = closed
-            .map(|(b, way_m)| HandBox { centre_m: b.centre_m + way_m, ..b }.grown(0.5 * gripper.clearance_m))
-            .collect();
+        let closed = gripper.open_hand().into_iter().zip([left, right, Vec3::ZERO, left, right]);
+        let hand: Vec<HandBox> = closed.map(|(b, way_m)| b.moved(way_m).grown(0.5 * gripper.clearance_m)).collect();
         let (direction, way_m) = (self.retreat_direction(), self.setup.procedure.retreat_distance_m);
         let steps = (way_m / WAY_STEP_M).ceil();
         let hits = (0..=steps as usize).any(|step| {
             let moved_m = direction * (way_m * step as f32 / steps);
-            let hand: Vec<HandBox> = hand.iter().map(|b| HandBox { centre_m: b.centre_m + moved_m, ..*b }).collect();
+            let hand: Vec<HandBox> = hand.iter().map(|b| b.moved(moved_m)).collect();
             gate.touches_fixtures(&self.workspace_from_grasp, &hand)
         });
         if hits {

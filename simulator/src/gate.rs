@@ -43,8 +43,8 @@ pub struct Gate {
     obstacles: Vec<(Vec<TestedPart>, Pose)>,
     /// The scene's fixtures, in the workspace.
     fixtures: Vec<TestedPart>,
-    pregrasp: [HandBox; 3],
-    approach: [HandBox; 3],
+    pregrasp: Vec<HandBox>,
+    approach: Vec<HandBox>,
 }
 
 impl Gate {
@@ -56,15 +56,16 @@ impl Gate {
         let fixtures = scene.fixtures.iter().map(TestedPart::new).collect();
         let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
         let hand = gripper.open_hand();
-        let pregrasp = hand.map(|b| HandBox { centre_m: b.centre_m - back, ..b }.grown(gripper.clearance_m));
-        let approach = hand.map(|b| b.swept_back(procedure.pregrasp_distance_m).grown(gripper.clearance_m));
+        let pregrasp = hand.iter().map(|b| b.moved(-back).grown(gripper.clearance_m)).collect();
+        let swept = |b: &HandBox| b.swept_back(procedure.pregrasp_distance_m).grown(gripper.clearance_m);
+        let approach = hand.iter().map(swept).collect();
         Self { table_z_m: scene.table_z_m, obstacles, fixtures, pregrasp, approach }
     }
 
     /// The collision that keeps the hand from the grasp, if there is one.
     #[must_use]
     pub fn blocked(&self, workspace_from_grasp: &Pose, target: usize) -> Option<(Outcome, Hit)> {
-        let hit = |boxes: &[HandBox; 3]| self.first_hit(boxes, workspace_from_grasp, target);
+        let hit = |boxes: &[HandBox]| self.first_hit(boxes, workspace_from_grasp, target);
         let approach = hit(&self.approach)?;
         // The sweep holds the pre-grasp hand, so only a blocked sweep needs the second look.
         Some(match hit(&self.pregrasp) {
@@ -80,7 +81,8 @@ impl Gate {
         let way_m = self.approach[0].half_m.z - self.pregrasp[0].half_m.z;
         let swept = |share: f32| {
             let along = Vec3::new(0.0, 0.0, share * way_m);
-            self.pregrasp.map(|b| HandBox { centre_m: b.centre_m + along, half_m: b.half_m + along })
+            let swept = |b: &HandBox| HandBox { centre_m: b.centre_m + along, half_m: b.half_m + along };
+            self.pregrasp.iter().map(swept).collect::<Vec<_>>()
         };
         // What a box does not touch on the whole way, it touches on no part of it.
         let touched = self.touched(&swept(1.0), workspace_from_grasp);
@@ -96,7 +98,7 @@ impl Gate {
     }
 
     /// Each box with each part of objects and fixtures that it overlaps, in the frame of a grasp.
-    fn touched(&self, boxes: &[HandBox; 3], workspace_from_grasp: &Pose) -> Vec<(usize, EdgedPart)> {
+    fn touched(&self, boxes: &[HandBox], workspace_from_grasp: &Pose) -> Vec<(usize, EdgedPart)> {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let obstacles = self.obstacles.iter().map(|(hulls, pose)| (hulls, grasp_from_workspace * *pose));
         let all = obstacles.chain([(&self.fixtures, grasp_from_workspace)]);
@@ -113,7 +115,7 @@ impl Gate {
         touched
     }
 
-    fn is_in_table(&self, boxes: &[HandBox; 3], workspace_from_grasp: &Pose) -> bool {
+    fn is_in_table(&self, boxes: &[HandBox], workspace_from_grasp: &Pose) -> bool {
         let low = boxes.iter().map(|b| b.lowest_z_m(workspace_from_grasp)).fold(f32::INFINITY, f32::min);
         low < self.table_z_m
     }
@@ -189,7 +191,7 @@ impl Gate {
         touched.map(|hull| hull.placed(&grasp_from_object)).collect()
     }
 
-    fn first_hit(&self, boxes: &[HandBox; 3], workspace_from_grasp: &Pose, target: usize) -> Option<Hit> {
+    fn first_hit(&self, boxes: &[HandBox], workspace_from_grasp: &Pose, target: usize) -> Option<Hit> {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let touches = |id: &usize| {
             let (hulls, workspace_from_object) = &self.obstacles[*id];

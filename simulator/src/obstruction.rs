@@ -51,7 +51,7 @@ impl AttemptWorld<'_> {
     }
 
     /// The first box that touches the obstacle, and a point that they share, up to rounding.
-    fn touched(&self, workspace_from_grasp: &Pose, hit: Hit, boxes: &[HandBox; 3]) -> Option<(usize, Vec3)> {
+    fn touched(&self, workspace_from_grasp: &Pose, hit: Hit, boxes: &[HandBox]) -> Option<(usize, Vec3)> {
         let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
         let height_m = self.table_z_m - workspace_from_grasp.translation.z;
         let shared_m = |hand_box: &HandBox| match hit.kind {
@@ -65,12 +65,10 @@ impl AttemptWorld<'_> {
     }
 
     /// The hand's boxes swept from the pre-grasp over `travel_m`, enlarged by the clearance.
-    fn swept(&self, travel_m: f32) -> [HandBox; 3] {
+    fn swept(&self, travel_m: f32) -> Vec<HandBox> {
         let rest = Vec3::Z * (self.procedure.pregrasp_distance_m - travel_m);
-        self.gripper.open_hand().map(|b| {
-            let swept = b.swept_back(travel_m).grown(self.gripper.clearance_m);
-            HandBox { centre_m: swept.centre_m - rest, ..swept }
-        })
+        let swept = |b: HandBox| b.swept_back(travel_m).grown(self.gripper.clearance_m).moved(-rest);
+        self.gripper.open_hand().into_iter().map(swept).collect()
     }
 }
 

@@ -48,6 +48,7 @@ fn gripper() -> Gripper {
         closing_speed_m_s: 0.1,
         friction: 1.0,
         clearance_m: 0.001,
+        finger_tip: None,
         flange_from_grasp: None,
     }
 }

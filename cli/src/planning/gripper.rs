@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use program::{ExitCode, Failure, print, write};
 use report::hand;
-use schema::Gripper;
+use schema::{FingerTip, Gripper};
 use settings::{Document, Value, settings};
 
 /// Show a gripper's measures, and draw it, to compare it with the real one
@@ -54,6 +54,10 @@ fn table(gripper: &Gripper) -> String {
             Some(_) if !key.ends_with("_m_s") => writeln!(text, "  {key:<20}{:>8.1} mm", 1e3 * value),
             _ => writeln!(text, "  {key:<20}{value:>8}"),
         };
+    }
+    if let Some(FingerTip { thickness_m, length_m }) = gripper.finger_tip {
+        let [thickness_mm, length_mm] = [thickness_m, length_m].map(|part_m| 1e3 * part_m);
+        let _ = writeln!(text, "  finger_tip          {thickness_mm:>8.1} mm thick, {length_mm:.1} mm long");
     }
     text += &gripper.flange_from_grasp.map_or_else(
         || "  no flange_from_grasp: plans give no poses of the flange\n".to_owned(),

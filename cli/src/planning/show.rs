@@ -22,9 +22,8 @@ pub fn page(plan: &Plan, gripper: &Gripper, title: &str) -> String {
         let at = object.map_or(String::new(), |object| format!("\nat object {object}"));
         let label = format!("grasp {rank}: quality {quality:.3}{width}{at}");
         if *rank == 1 {
-            let [left, right] = gripper.fingers(*opening_m);
             let part = |part| Body::of_box(Class::Hand, label.clone(), &part, &[*workspace_from_grasp]);
-            view.bodies.extend([left, right, gripper.palm()].map(part));
+            view.bodies.extend(gripper.hand(*opening_m).into_iter().map(part));
         } else {
             view.lines.push(Line::fork(Class::Hand, label, gripper, workspace_from_grasp, *opening_m));
         }

@@ -161,7 +161,7 @@ pub struct Crop {
     /// The points of both boxes that a [`super::Screen`] looks at, in the grasp frame.
     few_m: Vec<Vec3>,
     /// What the hand sweeps, with its clearance.
-    swept: [HandBox; 3],
+    swept: Vec<HandBox>,
     /// The hand's own facts.
     dimensions: [f32; 10],
     table_z_m: f32,
@@ -179,7 +179,9 @@ impl Crop {
     /// How a judge sees this hand, which starts `pregrasp_distance_m` behind its grasp, in this grid.
     #[must_use]
     pub fn new(gripper: &Gripper, pregrasp_distance_m: f32, grid: &Grid) -> Self {
-        let sweep = gripper.open_hand().map(|b| b.swept_back(pregrasp_distance_m));
+        // Judges know hands of three boxes, with fingers that are as thick at their tips.
+        let hand = Gripper { finger_tip: None, ..gripper.clone() }.open_hand();
+        let sweep: Vec<HandBox> = hand.iter().map(|b| b.swept_back(pregrasp_distance_m)).collect();
         let low = sweep.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = sweep.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
         let high = high + Vec3::new(0.0, 0.0, BEYOND_M);
@@ -188,7 +190,7 @@ impl Crop {
             wide: Lattice::new(WIDE_PADDED, -WIDE_M, WIDE_M),
             template: vec![0.0; Self::LEN],
             few_m: Vec::new(),
-            swept: sweep.map(|b| b.grown(gripper.clearance_m)),
+            swept: sweep.iter().map(|b| b.grown(gripper.clearance_m)).collect(),
             dimensions: dimensions(gripper, pregrasp_distance_m),
             table_z_m: grid.table_z_m,
             voxel_size_m: grid.voxel_size_m(),
