@@ -29,7 +29,7 @@ mod tsdf;
 
 pub use assemble::{Request, assemble, from_file, from_json};
 pub use camera::{IntrinsicsInput, OrientationInput, PoseInput, PosePartsInput};
-pub use color::ColorImage;
+pub use color::read_color;
 pub use depth::check_image;
 pub use error::InputError;
 pub(crate) use error::refuse;

@@ -218,7 +218,7 @@ class Plan(Immutable, Sequence[Grasp]):
         """The best grasps in the image of the first camera, as a PNG. A plan that was pickled cannot be drawn.
 
         Args:
-            image: ``[height, width, 3]`` uint8, in the colours red, green, blue; by default the depth image, shaded.
+            image: ``[height, width, 3]`` uint8, in the colours red, green, blue; by default the depth image in grey.
         """
         if self._drawn is None:
             raise InputError("the plan was pickled or read, and so has no picture: draw it in the process that made it")

@@ -11,8 +11,8 @@ use planner::{Config, Observation, PlanOptions, Target, View, WillDo};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use report::still::Image;
-use schema::{Gripper, Pose, Vec3, VoxelGrid};
+use report::overlay::grey;
+use schema::{ColorImage, Gripper, Pose, Vec3, VoxelGrid};
 
 use crate::fault::{array, free, raised, room, wrong};
 use crate::pool::{Apart, on_threads};
@@ -296,19 +296,6 @@ impl Planning {
     }
 }
 
-/// A picture's PNG.
-fn drawn<'py>(
-    py: Python<'py>,
-    draw: impl FnOnce() -> Result<Vec<u8>, Failure> + Send,
-) -> PyResult<Bound<'py, PyBytes>> {
-    room(PICTURE_BYTES)?;
-    let png = free(py, || on_threads(0, draw)?)?;
-    PyBytes::new_with(py, png.len(), |bytes| {
-        bytes.copy_from_slice(&png);
-        Ok(())
-    })
-}
-
 /// Ranked grasps.
 #[pyclass(frozen, module = "graspmill._native")]
 #[derive(Debug)]
@@ -338,22 +325,27 @@ impl Plan {
         free(py, || Ok::<_, Failure>(page(&self.plan, &self.gripper, title)))
     }
 
-    /// The best grasps in an image of the first camera, `[height, width, 3]`, or in its shaded depth, as a PNG.
+    /// The best grasps in an image of the first camera, `[height, width, 3]`, or in its depth in grey, as a PNG.
     fn overlay<'py>(&self, py: Python<'py>, image: Option<PyReadonlyArray3<'_, u8>>) -> PyResult<Bound<'py, PyBytes>> {
         let Some(View { image: depth, camera, .. }) = &self.first else {
             return Err(wrong("the plan was made without a camera, so there is no image to draw into"));
         };
         let given = image.map(|image| {
             let pixels = image.as_array();
-            Image {
+            ColorImage {
                 width_px: pixels.shape()[1],
                 height_px: pixels.shape()[0],
                 pixels: pixels.rows().into_iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect(),
             }
         });
-        drawn(py, || {
-            let image = given.unwrap_or_else(|| Image::shaded(depth, &camera.intrinsics));
-            draw_into(&image, &camera.intrinsics, &self.plan, &self.gripper)
+        room(PICTURE_BYTES)?;
+        let png = free(py, || {
+            let image = given.unwrap_or_else(|| grey(depth));
+            draw_into(image, &camera.intrinsics, &self.plan, &self.gripper)
+        })?;
+        PyBytes::new_with(py, png.len(), |bytes| {
+            bytes.copy_from_slice(&png);
+            Ok(())
         })
     }
 

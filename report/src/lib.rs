@@ -6,9 +6,8 @@
 
 mod assets;
 pub mod document;
-mod eye;
 pub mod figure;
 pub mod hand;
+pub mod overlay;
 pub mod picture;
-pub mod still;
 pub mod view;

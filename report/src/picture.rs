@@ -8,8 +8,6 @@ use std::fmt::Write as _;
 use maud::Escaper;
 use schema::{Outcome, Polyhedron, Pose, Vec3};
 
-use crate::eye::{Eye, Seen};
-
 /// A hand at a grasp.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hand {
@@ -52,25 +50,26 @@ const TINTS: [[f32; 3]; 5] =
 /// From above and the front.
 const TOWARDS_EYE: Vec3 = Vec3::new(0.45, -1.0, 1.15);
 
-/// The view from above and the front: the table's diagonal fits.
-fn eye(scene: &Scene) -> Eye {
+/// Where a point is, in pixels from the left and from the top: the table's diagonal fits.
+fn see(scene: &Scene, point_m: Vec3) -> [f32; 2] {
     let middle_m = Vec3::new(0.5 * scene.size_m, 0.5 * scene.size_m, scene.table_z_m + 0.2 * scene.size_m);
-    let px_per_m = WIDTH_PX / (1.34 * scene.size_m);
-    Eye::parallel(TOWARDS_EYE, middle_m, px_per_m, [0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])
+    let off_px = (point_m - middle_m) * (WIDTH_PX / (1.34 * scene.size_m));
+    let right = Vec3::Z.cross(TOWARDS_EYE).normalize_or_zero();
+    let up = TOWARDS_EYE.cross(right).normalize_or_zero();
+    [0.5 * WIDTH_PX + off_px.dot(right), 0.5 * HEIGHT_PX - off_px.dot(up)]
 }
 
 /// The scene as SVG; some colours come from the page's style sheet.
 #[must_use]
 pub fn svg(scene: &Scene) -> String {
-    let eye = eye(scene);
     let mut text = format!("<svg class=\"scene\" viewBox=\"0 0 {WIDTH_PX} {HEIGHT_PX}\" role=\"img\">");
     // Writing to a String cannot fail, here and below.
     let side = scene.size_m;
     let table = [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]].map(|[x, y]| Vec3::new(x, y, scene.table_z_m));
-    let _ = write!(text, "<polygon class=\"ground\" points=\"{}\"/>", points(&eye, table.iter().copied()));
-    paint(&mut text, &eye, scene.bodies.iter().map(|(body, tint)| (body, *tint)).collect());
+    let _ = write!(text, "<polygon class=\"ground\" points=\"{}\"/>", points(scene, table.iter().copied()));
+    paint(&mut text, scene);
     for (part, face) in scene.fixtures.iter().flat_map(|part| part.faces().iter().map(move |face| (part, face))) {
-        let corners = points(&eye, face.ring.iter().map(|corner| part.corners_m()[*corner]));
+        let corners = points(scene, face.ring.iter().map(|corner| part.corners_m()[*corner]));
         let _ = write!(text, "<polygon class=\"face\" fill=\"none\" points=\"{corners}\"/>");
     }
     let mut hands: Vec<&Hand> = scene.hands.iter().collect();
@@ -79,7 +78,7 @@ pub fn svg(scene: &Scene) -> String {
     for hand in hands {
         let (class, strength) = (hand.outcome.name(), hand.strength);
         let width = if is_crowded { 1.0 } else { 1.5 } * if hand.outcome == Outcome::Held { 1.6_f32 } else { 1.2 };
-        let lines = fork(hand).map(|line| format!("M{}", points(&eye, line.into_iter()).replace(' ', "L"))).concat();
+        let lines = fork(hand).map(|line| format!("M{}", points(scene, line.into_iter()).replace(' ', "L"))).concat();
         let _ = write!(
             text,
             "<path class=\"{class}\" stroke-width=\"{width:.1}\" stroke-opacity=\"{strength:.2}\" d=\"{lines}\"><title>"
@@ -90,24 +89,25 @@ pub fn svg(scene: &Scene) -> String {
     text + "</svg>"
 }
 
-/// Paints bodies, the farthest first; the number selects the colour.
-fn paint(text: &mut String, eye: &Eye, mut bodies: Vec<(&Polyhedron, usize)>) {
+/// Paints bodies, the farthest first.
+fn paint(text: &mut String, scene: &Scene) {
     let nearness = |body: &Polyhedron| {
         let corners_m = body.corners_m();
-        eye.towards().dot(corners_m.iter().sum::<Vec3>() / corners_m.len().max(1) as f32)
+        TOWARDS_EYE.dot(corners_m.iter().sum::<Vec3>() / corners_m.len().max(1) as f32)
     };
+    let mut bodies: Vec<&(Polyhedron, usize)> = scene.bodies.iter().collect();
     bodies.sort_by(|(a, _), (b, _)| nearness(a).total_cmp(&nearness(b)));
     let light = Vec3::new(-0.35, -0.55, 1.0).normalize();
     for (body, tint) in bodies {
         for face in body.faces() {
             let at = |i: usize| body.corners_m()[face.ring[i]];
             let normal = (at(1) - at(0)).cross(at(2) - at(0)).normalize_or_zero();
-            if normal.dot(eye.towards()) <= 0.0 {
+            if normal.dot(TOWARDS_EYE) <= 0.0 {
                 continue;
             }
             let shade = 0.62 + 0.38 * normal.dot(light).max(0.0);
             let [r, g, b] = TINTS[tint % TINTS.len()].map(|channel| (channel * shade) as u8);
-            let corners = points(eye, face.ring.iter().map(|corner| body.corners_m()[*corner]));
+            let corners = points(scene, face.ring.iter().map(|corner| body.corners_m()[*corner]));
             let _ = write!(text, "<polygon class=\"face\" fill=\"#{r:02x}{g:02x}{b:02x}\" points=\"{corners}\"/>");
         }
     }
@@ -120,12 +120,8 @@ fn fork(hand: &Hand) -> [Vec<Vec3>; 2] {
     [vec![at(-half, 0.0), at(-half, root), at(half, root), at(half, 0.0)], vec![at(0.0, root), at(0.0, stem)]]
 }
 
-fn points(eye: &Eye, points_m: impl Iterator<Item = Vec3>) -> String {
-    points_m
-        .filter_map(|point_m| eye.see(point_m))
-        .map(|Seen { x, y, .. }| format!("{x:.1},{y:.1}"))
-        .collect::<Vec<_>>()
-        .join(" ")
+fn points(scene: &Scene, points_m: impl Iterator<Item = Vec3>) -> String {
+    points_m.map(|point_m| see(scene, point_m)).map(|[x, y]| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -167,10 +163,9 @@ mod tests {
     #[test]
     fn the_workspace_fits_into_the_picture() {
         let scene = Scene { size_m: 0.3, table_z_m: 0.05, ..Scene::default() };
-        let eye = eye(&scene);
         for corner in 0..8_u8 {
             let side = |bit: u8| if corner & bit == 0 { 0.0 } else { 0.3 };
-            let Seen { x, y, .. } = eye.see(Vec3::new(side(1), side(2), 0.05 + 0.4 * side(4))).unwrap();
+            let [x, y] = see(&scene, Vec3::new(side(1), side(2), 0.05 + 0.4 * side(4)));
             assert!((0.0..=WIDTH_PX).contains(&x) && (0.0..=HEIGHT_PX).contains(&y), "{corner}: {x} {y}");
         }
     }

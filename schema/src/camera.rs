@@ -98,6 +98,17 @@ impl DepthImage {
     }
 }
 
+/// An image of 8-bit colours.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ColorImage {
+    /// Pixels in a row.
+    pub width_px: usize,
+    /// Rows.
+    pub height_px: usize,
+    /// Red, green and blue, row by row.
+    pub pixels: Vec<[u8; 3]>,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

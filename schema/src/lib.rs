@@ -49,7 +49,7 @@ mod seed;
 mod solid;
 pub mod statistics;
 
-pub use camera::{Camera, DepthImage, Intrinsics, View};
+pub use camera::{Camera, ColorImage, DepthImage, Intrinsics, View};
 pub use container::{Container, ContainerError, ContainerKind};
 pub use generation::{CameraParams, Engine, Physics, SettleParams, TsdfParams, ViewParams};
 pub use grasp::Grasp;

@@ -396,10 +396,10 @@ def test_an_overlay_is_drawn_into_the_image_of_the_first_camera():
     u, v = round(540.0 * x / z + 320.0), round(540.0 * y / z + 240.0)
     assert changed[v - 40 : v + 41, u - 40 : u + 41].any(), (u, v)
     assert not changed[-60:].any() and not changed[:, :60].any(), "far from all grasps"
-    # An image with alpha is as good, and without one the depth is shaded.
+    # An image with alpha is as good, and without one the depth is drawn in grey.
     assert plan.overlay(np.dstack([grey, grey[:, :, :1]])) == drawn
-    shaded, bare = plan.overlay(), PLANNER.plan(np.where(depth > 0, depth, 0), camera, grasps_max=1).overlay()
-    assert pixels(shaded).shape == (*SHAPE, 3) and pixels(shaded).std() > 5 and shaded != bare
+    alone, bare = plan.overlay(), PLANNER.plan(np.where(depth > 0, depth, 0), camera, grasps_max=1).overlay()
+    assert pixels(alone).shape == (*SHAPE, 3) and pixels(alone).std() > 5 and alone != bare
     placed = PLANNER.plan(depth, graspmill.Camera.from_K(K, SHAPE, pose)).overlay(grey)
     assert pixels(placed).shape == (*SHAPE, 3)
 

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use planner::cloud_file::write_ply;
 use planner::input::{
-    BoxInput, ColorImage, ConeInput, InputError, OrientationInput, PlaceInput, PoseInput, PosePartsInput, ReadLens,
-    Request, RequestInput, SourceInput, ViewInput, assemble, from_file, read_file, read_intrinsics,
+    BoxInput, ConeInput, InputError, OrientationInput, PlaceInput, PoseInput, PosePartsInput, ReadLens, Request,
+    RequestInput, SourceInput, ViewInput, assemble, from_file, read_color, read_file, read_intrinsics,
 };
 use planner::plan::Plan;
 use planner::{Observation, Planners, Policy, View, demo};
 use program::{ExitCode, Failure, json, print, print_error, write};
-use report::still::Image;
+use report::overlay::grey;
 use schema::{Grid, Gripper};
 
 use super::show::{draw_into, page};
@@ -161,7 +161,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "PNG", hide = true, value_parser = no_picture)]
     picture: Option<String>,
 
-    /// Draw the best grasps into the first camera's image: into --color, else into its depth, shaded
+    /// Draw the best grasps into the first camera's image: into --color, else into its depth, in grey
     #[arg(long, value_name = "PNG")]
     overlay: Option<PathBuf>,
 
@@ -253,14 +253,10 @@ fn overlaid(
         return Err(InputError::Value("goes with depth images: --overlay".to_owned()).into());
     };
     let image = match color {
-        Some(path) => {
-            let ColorImage { width_px, height_px, pixels } =
-                ColorImage::read(&read_file(path)?).map_err(|error| error.at(&path.display().to_string()))?;
-            Image { width_px, height_px, pixels }
-        }
-        None => Image::shaded(image, &camera.intrinsics),
+        Some(path) => read_color(&read_file(path)?).map_err(|error| error.at(&path.display().to_string()))?,
+        None => grey(image),
     };
-    draw_into(&image, &camera.intrinsics, plan, gripper)
+    draw_into(image, &camera.intrinsics, plan, gripper)
 }
 
 fn add_flags(arguments: &Arguments, input: &mut RequestInput) {

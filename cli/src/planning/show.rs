@@ -2,9 +2,9 @@
 
 use planner::plan::{Plan, PointLabel, RankedGrasp, RejectReason};
 use program::{ExitCode, Failure};
-use report::still::{Hand, Image, overlay};
+use report::overlay::{Hand, overlay};
 use report::view::{Body, Class, Line, View, flat_points};
-use schema::{Gripper, Intrinsics, Outcome};
+use schema::{ColorImage, Gripper, Intrinsics, Outcome};
 
 /// Most grasps of a page; more could not be distinguished.
 const SHOWN_MAX: usize = 40;
@@ -67,7 +67,7 @@ fn points(plan: &Plan, class: Class, label: &str, wanted: PointLabel) -> Line {
 ///
 /// # Errors
 /// As [`overlay`], and if the plan knows no camera.
-pub fn draw_into(image: &Image, lens: &Intrinsics, plan: &Plan, gripper: &Gripper) -> Result<Vec<u8>, Failure> {
+pub fn draw_into(image: ColorImage, lens: &Intrinsics, plan: &Plan, gripper: &Gripper) -> Result<Vec<u8>, Failure> {
     let best = plan.grasps.iter().take(DRAWN_MAX);
     let hand = |grasp: &RankedGrasp| {
         grasp.camera_from_grasp.map(|camera_from_grasp| Hand { camera_from_grasp, opening_m: grasp.opening_m })

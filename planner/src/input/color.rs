@@ -3,6 +3,7 @@
 use std::panic::catch_unwind;
 
 use png::{ColorType, Transformations};
+use schema::ColorImage;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -18,31 +19,18 @@ const PIXELS_MAX: usize = 1 << 26;
 /// Of every JPEG.
 const JPEG_START: &[u8] = b"\xff\xd8\xff";
 
-/// An image of 8-bit colours.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ColorImage {
-    /// Pixels in a row.
-    pub width_px: usize,
-    /// Rows.
-    pub height_px: usize,
-    /// Red, green and blue, row by row.
-    pub pixels: Vec<[u8; 3]>,
-}
-
-impl ColorImage {
-    /// Reads a PNG, grey or coloured, or a JPEG. Opacity is ignored.
-    ///
-    /// # Errors
-    /// [`InputError`] if it is neither, damaged, or larger than 16384 pixels a side or 2²⁶ pixels.
-    pub fn read(bytes: &[u8]) -> Result<Self, InputError> {
-        if grey_png::is_png(bytes) {
-            return read_png(bytes);
-        }
-        if !bytes.starts_with(JPEG_START) {
-            return Err(InputError::Damaged("a colour image must be a PNG or JPEG file, got other bytes".to_owned()));
-        }
-        catch_unwind(|| read_jpeg(bytes)).unwrap_or_else(|_| Err(damaged(&"its decoder failed")))
+/// Reads a PNG, grey or coloured, or a JPEG. Opacity is ignored.
+///
+/// # Errors
+/// [`InputError`] if it is neither, damaged, or larger than 16384 pixels a side or 2²⁶ pixels.
+pub fn read_color(bytes: &[u8]) -> Result<ColorImage, InputError> {
+    if grey_png::is_png(bytes) {
+        return read_png(bytes);
     }
+    if !bytes.starts_with(JPEG_START) {
+        return Err(InputError::Damaged("a colour image must be a PNG or JPEG file, got other bytes".to_owned()));
+    }
+    catch_unwind(|| read_jpeg(bytes)).unwrap_or_else(|_| Err(damaged(&"its decoder failed")))
 }
 
 fn read_png(bytes: &[u8]) -> Result<ColorImage, InputError> {
@@ -139,7 +127,7 @@ mod tests {
             (ColorType::Grayscale, BitDepth::Sixteen, &[1, 9, 250, 9], greys),
             (ColorType::GrayscaleAlpha, BitDepth::Eight, &[1, 0, 250, 9], greys),
         ] {
-            let read = ColorImage::read(&png(color, depth, [2, 1], values)).unwrap();
+            let read = read_color(&png(color, depth, [2, 1], values)).unwrap();
             assert_eq!(
                 read,
                 ColorImage { width_px: 2, height_px: 1, pixels: expected.to_vec() },
@@ -150,7 +138,7 @@ mod tests {
 
     #[test]
     fn a_jpeg_has_its_colours() {
-        let read = ColorImage::read(&jpeg()).unwrap();
+        let read = read_color(&jpeg()).unwrap();
         assert_eq!((read.width_px, read.height_px), (16, 8));
         for (at, pixel) in read.pixels.iter().enumerate() {
             let expected = if at % 16 < 8 { [220, 30, 20] } else { [20, 40, 200] };
@@ -162,20 +150,20 @@ mod tests {
     fn damaged_and_foreign_bytes_are_refused() {
         let whole = png(ColorType::Rgb, BitDepth::Eight, [4, 4], &[7; 48]);
         for end in 0..whole.len() {
-            assert!(matches!(ColorImage::read(&whole[..end]), Err(InputError::Damaged(_))), "PNG cut at {end}");
+            assert!(matches!(read_color(&whole[..end]), Err(InputError::Damaged(_))), "PNG cut at {end}");
         }
         let whole = jpeg();
         for end in 0..whole.len() - 20 {
-            assert!(matches!(ColorImage::read(&whole[..end]), Err(InputError::Damaged(_))), "JPEG cut at {end}");
+            assert!(matches!(read_color(&whole[..end]), Err(InputError::Damaged(_))), "JPEG cut at {end}");
         }
         for at in 0..whole.len() {
             for value in [0, 1, 0x7f, 0xff] {
                 let mut other = whole.clone();
                 other[at] = value;
-                let _ = ColorImage::read(&other); // does not panic
+                let _ = read_color(&other); // does not panic
             }
         }
-        assert!(ColorImage::read(b"GIF89a").unwrap_err().to_string().contains("PNG or JPEG"));
+        assert!(read_color(b"GIF89a").unwrap_err().to_string().contains("PNG or JPEG"));
     }
 
     #[test]
@@ -184,10 +172,10 @@ mod tests {
         let at = large.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap() + 5;
         for (height, width, side) in [(0x3f_u8, 0x3f_u8, "at most 67108864, got 16144 x 16136"), (0x50, 0, "limit")] {
             (large[at], large[at + 2]) = (height, width);
-            let message = ColorImage::read(&large).unwrap_err().to_string();
+            let message = read_color(&large).unwrap_err().to_string();
             assert!(message.contains(side), "{message}");
         }
         let empty_row = png(ColorType::Grayscale, BitDepth::One, [16_385, 1], &[0; 2049]);
-        assert!(ColorImage::read(&empty_row).unwrap_err().to_string().contains("got 16385 x 1"));
+        assert!(read_color(&empty_row).unwrap_err().to_string().contains("got 16385 x 1"));
     }
 }

@@ -9,8 +9,7 @@ const TABLE_THICKNESS_M: f32 = 0.004;
 /// Length of a camera's pyramid in a view, in metres.
 const CAMERA_LENGTH_M: f32 = 0.03;
 /// Faces of a box as corner indices (bit 0 for +x, bit 1 for +y, bit 2 for +z), seen from outside.
-pub(crate) const BOX_FACES: [[usize; 4]; 6] =
-    [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+const BOX_FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
 impl Body {
     /// A convex part of an object.
