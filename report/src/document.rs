@@ -148,11 +148,6 @@ impl Cell {
         Self::Code(text.into())
     }
 
-    /// A number as it is to be read.
-    pub fn number(text: impl Into<String>) -> Self {
-        Self::Number(text.into())
-    }
-
     /// An explanation.
     pub fn note(text: impl Into<String>) -> Self {
         Self::Note(text.into())

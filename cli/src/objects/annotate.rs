@@ -289,7 +289,7 @@ fn document(infos: &[Value], left_out: &[String], out: &Path) -> Document {
             Cell::Count(count(info, "slipped")),
             Cell::Count(count(info, "empty")),
             Cell::Count(collisions),
-            Cell::number(coverage),
+            Cell::Number(coverage),
             Cell::Count(poses as u64),
         ]
     };

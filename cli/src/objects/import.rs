@@ -221,7 +221,7 @@ fn document(imported: &Imported, out: &Path) -> Document {
             object.test_drops.map_or("-".to_owned(), |drops| format!("{}/{}", drops.rested, drops.count())),
         ];
         let (name, triangles) = (Cell::from(object.name.as_str()), Cell::Count(object.triangles as u64));
-        let closed = Cell::number(if object.is_watertight { "yes" } else { "no" });
+        let closed = Cell::Number(if object.is_watertight { "yes" } else { "no" }.to_owned());
         [name, triangles, closed].into_iter().chain(numbers.map(Cell::Number)).collect()
     };
     let head = [

@@ -68,7 +68,7 @@ impl Block {
             Self::List(lines) => lines.iter().map(|line| format!("{line}\n")).collect(),
             Self::Warnings(lines) => lines.iter().map(|line| format!("warning: {line}\n")).collect(),
             Self::Tiles(tiles) => {
-                let row = |(value, what): &(String, String)| vec![Cell::number(value), Cell::from(what)];
+                let row = |(value, what): &(String, String)| vec![Cell::Number(value.clone()), Cell::from(what)];
                 Table::new(["", ""], tiles.iter().map(row)).text()
             }
             Self::Table(table) => table.text(),
