@@ -1,10 +1,9 @@
 //! Reading the files of an experiment's folder, and their digests.
 
-use std::io::{self, ErrorKind};
+use std::io::ErrorKind;
 use std::path::Path;
 
 use program::{Failure, unread};
-use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
 
 /// Largest file that is read, in bytes: far more than the rounds that fit into memory.
@@ -16,13 +15,6 @@ pub(crate) fn bytes(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
         read => read.map(Some).map_err(|error| unread(path, &error)),
     }
-}
-
-/// What a JSON file holds; `None` if there is no such file.
-pub(crate) fn json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, Failure> {
-    let Some(text) = bytes(path)? else { return Ok(None) };
-    let invalid = |error| unread(path, &io::Error::new(ErrorKind::InvalidData, error));
-    serde_json::from_slice(&text).map(Some).map_err(invalid)
 }
 
 /// SHA-256 of a text or of bytes, in hex.

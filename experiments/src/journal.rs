@@ -67,11 +67,11 @@ impl Journal {
                 line.unwrap_or_default()
             }
         };
-        if !Identity::of(&text).is_some_and(|identity| identities.contains(&identity)) {
+        let identity = Identity::of(&text).filter(|identity| identities.contains(identity)).ok_or_else(|| {
             let text = "the folder holds another experiment: its experiment.toml, network or program differs";
-            return Err(Failure::new(ExitCode::Config, format!("{text}: {}", path.display())));
-        }
-        let rounds = rounds_of(&text).map_err(|error| unread(&path, &error))?;
+            Failure::new(ExitCode::Config, format!("{text}: {}", path.display()))
+        })?;
+        let rounds = rounds_of(&text, &identity).map_err(|error| unread(&path, &error))?;
         let file = open_as(&path, File::options().append(true));
         let file = file.and_then(|file| file.set_len(text.len() as u64).map(|()| file));
         let file = file.context(format_args!("failed to write {}", path.display()))?;
@@ -86,17 +86,6 @@ impl Journal {
     }
 }
 
-/// The rounds in the journal of `folder`, by number; `None` if there is no journal. A truncated last line is ignored.
-/// Nothing is changed.
-///
-/// # Errors
-/// If it cannot be read or is not a journal.
-pub fn journalled(folder: &Path) -> Result<Option<Vec<Round>>, Failure> {
-    let path = folder.join(JOURNAL);
-    let Some(text) = whole_lines(&path)? else { return Ok(None) };
-    rounds_of(&text).map(Some).map_err(|error| unread(&path, &error))
-}
-
 /// The lines of a journal, without a truncated last one; `None` if there is no journal.
 fn whole_lines(path: &Path) -> Result<Option<String>, Failure> {
     let Some(mut bytes) = bytes(path)? else { return Ok(None) };
@@ -105,9 +94,9 @@ fn whole_lines(path: &Path) -> Result<Option<String>, Failure> {
     String::from_utf8(bytes).map(Some).map_err(damaged)
 }
 
-/// The rounds of a journal, by number.
-fn rounds_of(text: &str) -> io::Result<Vec<Round>> {
-    let (identity, mut is_sealed, mut rounds) = (Identity::of(text), false, BTreeMap::new());
+/// The rounds of a journal with this first line, by number.
+fn rounds_of(text: &str, identity: &Identity) -> io::Result<Vec<Round>> {
+    let (mut is_sealed, mut rounds) = (false, BTreeMap::new());
     for (number, line) in (1..).zip(text.lines()) {
         let damaged = |what: &str| io::Error::new(ErrorKind::InvalidData, format!("line {number} {what}"));
         is_sealed |= line.contains(SEAL); // a journal from before there were seals may have been continued
@@ -118,7 +107,7 @@ fn rounds_of(text: &str) -> io::Result<Vec<Round>> {
             continue;
         }
         let round: Round = serde_json::from_str(line).map_err(|_| damaged("is not a round"))?;
-        if !round.is_sound() || identity.as_ref().is_some_and(|identity| !identity.has(&round)) {
+        if !round.is_sound() || !identity.has(&round) {
             return Err(damaged("has values that no round of this experiment has"));
         }
         if rounds.insert(round.round, round).is_some() {
@@ -187,10 +176,7 @@ mod tests {
 
     fn read(folder: &Path, text: &str) -> Result<Vec<Round>, Failure> {
         fs::write(folder.join(JOURNAL), text).unwrap();
-        let read = journalled(folder).map(Option::unwrap_or_default);
-        let opened = Journal::open(folder, &[identity("a")]).map(|(_, rounds)| rounds);
-        assert_eq!(read.as_ref().ok(), opened.as_ref().ok());
-        read
+        Journal::open(folder, &[identity("a")]).map(|(_, rounds)| rounds)
     }
 
     fn refused(folder: &Path, text: &str, why: &str) {
@@ -202,11 +188,12 @@ mod tests {
     fn a_journal_that_was_cut_off_goes_on_after_its_last_whole_line() {
         let (folder, text) = begun();
         assert_eq!(read(folder.path(), &text).unwrap(), [0, 1, 2].map(round));
-        for end in 0..text.len() {
+        let first = text.find('\n').unwrap() + 1; // written at once
+        for end in first..text.len() {
             let whole = text[..end].matches('\n').count();
             fs::write(folder.path().join(JOURNAL), &text[..end]).unwrap();
-            let rounds = journalled(folder.path()).unwrap().unwrap();
-            assert_eq!(rounds.len(), whole.saturating_sub(1), "cut to {end} bytes");
+            let (_, rounds) = Journal::open(folder.path(), &[identity("a")]).unwrap();
+            assert_eq!(rounds.len(), whole - 1, "cut to {end} bytes");
         }
         let (journal, rounds) = Journal::open(folder.path(), &[identity("a")]).unwrap();
         assert_eq!(rounds, [round(0), round(2)]);

@@ -3,12 +3,11 @@
 //!
 //! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], dropped or
 //! packed), [`offer`] says what a planner is asked, [`round`] runs one round, [`run`] runs all of them into a
-//! [`journal`], [`statistics`] computes the rates, and [`finish`] writes [`tables`] and a [`report`].
+//! journal, [`statistics`] computes the rates, and [`report`] writes them and [`tables`].
 
 pub mod config;
 mod files;
-pub mod finish;
-pub mod journal;
+mod journal;
 pub mod offer;
 pub mod record;
 pub mod report;

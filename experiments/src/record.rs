@@ -25,21 +25,6 @@ words! {
     }
 }
 
-impl Ending {
-    /// A short description.
-    #[must_use]
-    pub const fn meaning(self) -> &'static str {
-        match self {
-            Self::Cleared => "no object was left",
-            Self::NoGrasp => "the planner gave no grasp that was not tried",
-            Self::Failures => "too many attempts in a row failed",
-            Self::AttemptsMax => "the round's attempts were used up",
-            Self::Unsettled => "the objects would not come to rest again",
-            Self::NoAnswer => "the planner failed, said nothing in time, or answered nonsense",
-        }
-    }
-}
-
 /// A round: one scene, cleared as far as possible.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Round {

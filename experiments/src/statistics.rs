@@ -113,7 +113,7 @@ pub struct Percentiles {
 }
 
 /// Number of bootstrap draws.
-pub const DRAWS: u32 = 2000;
+const DRAWS: u32 = 2000;
 
 /// Computes the results of an experiment. Rounds and their attempts may be in any order.
 #[must_use]
@@ -232,19 +232,6 @@ impl Interval {
         }
         let (low, high) = bootstrap_share(rounds, DRAWS)?;
         Some(Self { value, low, high })
-    }
-
-    /// Whether the interval has no width because all rounds ended alike. This is a limitation of the bootstrap, which
-    /// cannot draw unseen results, and not certainty.
-    #[must_use]
-    pub fn is_point(&self) -> bool {
-        self.low >= self.high
-    }
-
-    /// Whether the whole interval is above another.
-    #[must_use]
-    pub fn is_above(&self, other: &Self) -> bool {
-        self.low > other.high
     }
 }
 
@@ -403,15 +390,6 @@ mod tests {
     fn empty_rounds_are_drawn_but_never_divided_by() {
         let Interval { value, low, high } = Interval::over(&[(0, 0), (1, 1), (0, 0), (0, 1)]).unwrap();
         assert_eq!((value, low, high), (0.5, 0.0, 1.0));
-    }
-
-    #[test]
-    fn intervals_that_touch_are_not_apart() {
-        let interval = |low, high| Interval { value: low, low, high };
-        assert!(interval(0.6, 0.7).is_above(&interval(0.4, 0.5)));
-        assert!(!interval(0.4, 0.5).is_above(&interval(0.6, 0.7)));
-        assert!(!interval(0.5, 0.7).is_above(&interval(0.4, 0.5)));
-        assert!(interval(1.0, 1.0).is_point() && !interval(0.9, 1.0).is_point());
     }
 
     #[test]

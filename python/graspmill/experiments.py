@@ -96,7 +96,7 @@ class ExperimentResults:
     results: dict[str, Any]
 
     def page(self) -> Page:
-        """Rates, failures, and pictures of scenes with the grasps, as ``graspmill experiment report`` writes it."""
+        """Rates with their intervals, and failures, as ``graspmill experiment report`` writes it."""
         return Page(_native.experiment_page(self.folder))
 
     def __repr__(self) -> str:
@@ -148,8 +148,8 @@ def experiment(
         KeyboardInterrupt: After Ctrl-C, also within the function. Finished rounds are kept, and the same call continues.
 
     The function runs on the caller's thread, for one scene at a time. If it raises an ``Exception`` or returns anything else, the
-    **round** is over (``no_answer``, with the reason in the journal and on the page), not the run. An :class:`OutsideError` ends the
-    run: what is outside may work again. No grasps are an answer.
+    **round** is over (``no_answer``, with the reason in ``journal.jsonl``), not the run. An :class:`OutsideError` ends
+    the run: what is outside may work again. No grasps are an answer.
     """
     if planner is not None and not callable(planner):
         raise InputError(f"planner must be a function of a graspmill.Look, got {_arrays.shown(planner)}")

@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Sender, channel};
 
 use experiments::config::Config;
-use experiments::finish::finish;
 use experiments::offer::{Look, NoPlan, Offer, Plans};
 use experiments::record::Round;
+use experiments::report::finish;
 use experiments::run::run;
-use graspmill::experiment::page::{Played, document, in_short, write_page};
+use graspmill::experiment::page::{document, in_short, write_page};
 use numpy::{PyArray2, PyArrayMethods as _};
 use planner::View;
 use program::{ExitCode, Failure, FolderLock};
@@ -287,5 +287,5 @@ fn play(
 /// The page of an experiment that is done.
 #[pyfunction]
 pub(crate) fn experiment_page(py: Python<'_>, folder: PathBuf) -> PyResult<String> {
-    free(py, || document(&[Played::read(&folder)?]).html())
+    free(py, || document(&[folder])?.html())
 }

@@ -28,12 +28,8 @@ pub struct Document {
 pub enum Block {
     /// The heading of a section, in a page's list of sections too.
     Heading(String),
-    /// A heading below it.
-    Subheading(String),
     /// A paragraph.
     Text(String),
-    /// Short sentences, one below the other.
-    List(Vec<String>),
     /// What a reader wants to know first: numbers, and what they are.
     Tiles(Vec<(String, String)>),
     /// What a reader should be worried about; a page also says if there is nothing.
@@ -158,14 +154,4 @@ impl<T: Into<String>> From<T> for Cell {
     fn from(text: T) -> Self {
         Self::Text(text.into())
     }
-}
-
-/// A section that tells of one thing among several: its headings go one level down.
-#[must_use]
-pub fn below(heading: &str, blocks: Vec<Block>) -> Vec<Block> {
-    let lower = |block| match block {
-        Block::Heading(text) => Block::Subheading(text),
-        block => block,
-    };
-    [Block::Heading(heading.to_owned())].into_iter().chain(blocks.into_iter().map(lower)).collect()
 }

@@ -2,12 +2,11 @@
 
 use toml::{Table, Value};
 
-/// The keys and values of a TOML text; those of inner tables as `table.key`, all after `prefix`. A text that is no TOML
-/// has none.
+/// The keys and values of a TOML text; those of inner tables as `table.key`. A text that is no TOML has none.
 #[must_use]
-pub fn flat(text: &str, prefix: &str) -> Vec<(String, String)> {
+pub fn flat(text: &str) -> Vec<(String, String)> {
     let table: Table = text.parse().unwrap_or_default();
-    flattened(&table, prefix, Value::as_table).into_iter().map(|(key, value)| (key, value.to_string())).collect()
+    flattened(&table, "", Value::as_table).into_iter().map(|(key, value)| (key, value.to_string())).collect()
 }
 
 /// The keys and values of a table in any format; `inner` is the table that a value is, if it is one.

@@ -219,5 +219,5 @@ fn check_config(begun_with: &Config, config: &Config, path: &Path) -> Result<(),
 
 /// The keys of a recipe with their values; keys of tables as `table.key`.
 fn keys(config: &Config) -> Vec<(String, String)> {
-    settings::flat(&config.to_toml(), "")
+    settings::flat(&config.to_toml())
 }

@@ -5,16 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use program::{ExitCode, Failure, print, write};
 
-use super::page::{Played, document};
+use super::page::document;
 
-const EXAMPLES: &str = "\
-Examples:
-  graspmill experiment report runs/pile runs/three > compared.md
-  graspmill experiment report runs/pile runs/three --html compared.html";
-
-/// Completed experiments, several side by side with what differs: rates, and why grasps failed; as Markdown or a page
+/// Completed experiments, one or several: rates with their intervals, and why grasps failed; as Markdown or a page
 #[derive(Debug, Args)]
-#[command(after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
+#[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
     /// Folders of completed experiments
     #[arg(required = true)]
@@ -26,13 +21,13 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let played = arguments.folders.iter().map(|folder| Played::read(folder)).collect::<Result<Vec<_>, _>>()?;
+    let document = document(&arguments.folders)?;
     match &arguments.html {
         Some(path) => {
-            write(path, document(&played).html()?)?;
+            write(path, document.html()?)?;
             print(format_args!("{}\n", path.display()))?;
         }
-        None => print(document(&played).markdown())?,
+        None => print(document.markdown())?,
     }
     Ok(ExitCode::Ok)
 }

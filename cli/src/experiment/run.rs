@@ -6,8 +6,8 @@ use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
 use experiments::config::Config;
-use experiments::finish::finish;
 use experiments::record::Round;
+use experiments::report::finish;
 use experiments::run::run as run_rounds;
 use indicatif::{ProgressBar, ProgressStyle};
 use program::text::key_and_value;
@@ -78,15 +78,10 @@ pub(crate) fn config(
     rounds: Option<u64>,
     seed: Option<u64>,
 ) -> Result<Config, Failure> {
-    Ok(Config::read(Some(file), &overrides(set, rounds, seed))?)
-}
-
-/// Keys and values in place of an experiment's own.
-pub(crate) fn overrides(set: &[(String, String)], rounds: Option<u64>, seed: Option<u64>) -> Vec<(String, String)> {
     let mut set = set.to_vec();
     set.extend(rounds.map(|rounds| ("rounds".to_owned(), rounds.to_string())));
     set.extend(seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
-    set
+    Ok(Config::read(Some(file), &set)?)
 }
 
 /// Cores of this machine.

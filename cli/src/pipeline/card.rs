@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use experiments::report::Report;
-use experiments::statistics::Interval;
 use network::checkpoint;
 use program::{Context, ExitCode, Failure, read};
 use report::document::{Block, Cell, Document as Page, Table as PageTable};
@@ -12,6 +11,7 @@ use shards::Dataset;
 
 use super::action::{Action, Step};
 use super::steps::{Pipeline, ROUNDS};
+use crate::experiment::page::share;
 
 /// Largest report of a step, in bytes.
 const REPORT_BYTES_MAX: u64 = 64 << 20;
@@ -48,15 +48,8 @@ pub(crate) fn card(pipeline: &Pipeline, steps: &[Step]) -> Result<String, Failur
             }
             Action::Experiment { out, .. } => {
                 let rates = Report::read(out)?.results.rates;
-                let rate = |rate: Option<Interval>| {
-                    let percent = |value: f64| format!("{:.1}", 100.0 * value);
-                    rate.map_or("–".to_owned(), |Interval { value, low, high }| {
-                        format!("{} % ({} to {})", percent(value), percent(low), percent(high))
-                    })
-                };
-                rounds
-                    .rows
-                    .push([named(out), rate(rates.success_rate), rate(rates.cleared_share)].map(Cell::from).to_vec());
+                let rates = [rates.success_rate, rates.cleared_share].map(share);
+                rounds.rows.push([named(out)].into_iter().chain(rates).map(Cell::from).collect());
             }
         }
     }

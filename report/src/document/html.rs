@@ -64,9 +64,7 @@ impl Block {
     fn markup(&self, at: usize) -> Result<Markup, Failure> {
         Ok(match self {
             Self::Heading(text) => html! { h2 id={ "s" (at) } { (text) } },
-            Self::Subheading(text) => html! { h3 { (text) } },
             Self::Text(text) => html! { p { (text) } },
-            Self::List(lines) => html! { ul { @for line in lines { li { (line) } } } },
             Self::Tiles(tiles) => html! {
                 div class="tiles" style={ "--columns:" (columns(tiles.len())) } {
                     @for (value, what) in tiles { div { b { (value) } span { (what) } } }

@@ -25,13 +25,12 @@ impl Document {
     /// The title and what the blocks become, without blocks that become nothing and without headings of nothing.
     fn joined(&self, title: Option<String>, plain: impl Fn(&Block) -> String) -> String {
         let mut kept: Vec<String> = Vec::new();
-        let mut level_below = Some(0);
+        let mut has_content = false;
         for block in self.blocks.iter().rev() {
-            let (text, level) = (plain(block), block.heading_level());
-            let is_empty = text.is_empty() || level.is_some_and(|own| level_below.is_some_and(|below| below <= own));
-            if !is_empty {
+            let (text, is_heading) = (plain(block), matches!(block, Block::Heading(_)));
+            if !text.is_empty() && (has_content || !is_heading) {
                 kept.push(text);
-                level_below = level;
+                has_content = !is_heading;
             }
         }
         title.into_iter().chain(kept.into_iter().rev()).collect::<Vec<_>>().join("\n")
@@ -39,21 +38,11 @@ impl Document {
 }
 
 impl Block {
-    /// 0 for a section's heading, 1 for one below it, nothing for what is no heading.
-    fn heading_level(&self) -> Option<u8> {
-        match self {
-            Self::Heading(_) => Some(0),
-            Self::Subheading(_) => Some(1),
-            _ => None,
-        }
-    }
-
     fn markdown(&self) -> String {
         match self {
             Self::Heading(text) => format!("## {}\n", one_line(text)),
-            Self::Subheading(text) => format!("### {}\n", one_line(text)),
             Self::Text(text) => format!("{text}\n"),
-            Self::List(lines) | Self::Warnings(lines) => lines.iter().map(|line| format!("- {line}\n")).collect(),
+            Self::Warnings(lines) => lines.iter().map(|line| format!("- {line}\n")).collect(),
             Self::Tiles(tiles) => tiles.iter().map(|(value, what)| format!("- {value}: {what}\n")).collect(),
             Self::Table(table) => table.markdown(),
             Self::Figures(pictures) => pictures.iter().filter_map(Picture::markdown).collect(),
@@ -64,8 +53,7 @@ impl Block {
 
     fn text(&self) -> String {
         match self {
-            Self::Heading(text) | Self::Subheading(text) | Self::Text(text) => format!("{text}\n"),
-            Self::List(lines) => lines.iter().map(|line| format!("{line}\n")).collect(),
+            Self::Heading(text) | Self::Text(text) => format!("{text}\n"),
             Self::Warnings(lines) => lines.iter().map(|line| format!("warning: {line}\n")).collect(),
             Self::Tiles(tiles) => {
                 let row = |(value, what): &(String, String)| vec![Cell::Number(value.clone()), Cell::from(what)];
@@ -199,16 +187,14 @@ mod tests {
         let heading = |text: &str| Block::Heading(text.to_owned());
         let blocks = vec![
             heading("Empty"),
-            Block::Subheading("Empty, too".to_owned()),
             Block::Gallery(Vec::new()),
             heading("Kept"),
-            Block::Subheading("Below".to_owned()),
             Block::Text("Words.".to_owned()),
             heading("Last"),
             Block::Figures(Vec::new()),
         ];
         let document = Document { blocks, ..Document::default() };
-        assert_eq!(document.markdown(), "## Kept\n\n### Below\n\nWords.\n");
-        assert_eq!(document.text(), "Kept\n\nBelow\n\nWords.\n");
+        assert_eq!(document.markdown(), "## Kept\n\nWords.\n");
+        assert_eq!(document.text(), "Kept\n\nWords.\n");
     }
 }
