@@ -1,8 +1,8 @@
 //! A result as an ordered list of blocks, which is described once and becomes a page, Markdown or a terminal's text.
 //!
 //! A page is one file (a folder's pages share their scripts): no network, light and dark, from a phone's width to a
-//! wall's. Pages show everything; Markdown and terminals leave out what only a page has room for: figures that lie in
-//! no file of their own, and columns of notes.
+//! wall's. Pages show everything; Markdown and terminals leave out what only a page has room for: figures and columns
+//! of notes.
 
 pub(crate) mod html;
 mod plain;
@@ -36,7 +36,7 @@ pub enum Block {
     Warnings(Vec<String>),
     /// A table.
     Table(Table),
-    /// Figures side by side.
+    /// Figures side by side; terminals show their numbers, Markdown nothing.
     Figures(Vec<Picture>),
     /// Small pictures, more of them side by side; on pages only.
     Gallery(Vec<Picture>),
@@ -59,8 +59,6 @@ pub struct Picture {
     pub title: String,
     /// What else there is to say.
     pub caption: String,
-    /// The file beside a Markdown file that holds the figure; without one, Markdown leaves it out.
-    pub file: Option<&'static str>,
     /// The numbers that it shows, for readers who have no pictures.
     pub numbers: Option<Table>,
     /// The page that it leads to.
@@ -116,7 +114,7 @@ impl Picture {
 
     /// Anything that is drawn.
     pub fn new(drawing: Drawing, title: impl Into<String>, caption: impl Into<String>) -> Self {
-        Self { drawing, title: title.into(), caption: caption.into(), file: None, numbers: None, link: None }
+        Self { drawing, title: title.into(), caption: caption.into(), numbers: None, link: None }
     }
 }
 

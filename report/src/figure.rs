@@ -56,23 +56,10 @@ pub struct Line {
     pub name: String,
     /// Its colour.
     pub colour: Colour,
-    /// How it is drawn.
-    pub stroke: Stroke,
+    /// Whether it is drawn in dashes, or through, with a dot at each point.
+    pub is_dashed: bool,
     /// Its points.
     pub points: Vec<(f64, f64)>,
-    /// Upright intervals: x, low, high.
-    pub intervals: Vec<(f64, f64, f64)>,
-}
-
-/// How a line is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stroke {
-    /// Through.
-    Solid,
-    /// Through, with a dot at each point.
-    Dotted,
-    /// In dashes.
-    Dashed,
 }
 
 // Colours that stay apart for the colour-blind and in grey (Okabe and Ito, 2008).
@@ -117,9 +104,14 @@ pub(crate) const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
 pub(crate) const FONT_BYTES: &[u8] = include_bytes!("../fonts/DejaVuSans.ttf");
 
 impl Line {
-    /// A line without intervals.
-    pub fn new(name: &str, colour: Colour, stroke: Stroke, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.to_owned(), colour, stroke, points, intervals: Vec::new() }
+    /// A line through dots.
+    pub fn new(name: &str, colour: Colour, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.to_owned(), colour, is_dashed: false, points }
+    }
+
+    /// A line in dashes.
+    pub fn dashed(name: &str, colour: Colour, points: Vec<(f64, f64)>) -> Self {
+        Self { is_dashed: true, ..Self::new(name, colour, points) }
     }
 }
 
@@ -144,16 +136,6 @@ impl Scale {
         let marks = (0..=count).map(|at| low + at as f64 * step).collect();
         let decimals = if step.fract() == 0.0 { 0 } else { 1 };
         Self { label: label.to_owned(), marks, decimals }
-    }
-
-    /// From 1 to `last`, at least 2, with marks at 1 and at whole multiples.
-    pub fn whole(label: &str, last: u32) -> Self {
-        let last = last.max(2);
-        let step = (0..9).flat_map(|power| [1, 2, 5].map(|factor| factor * 10_u32.pow(power)));
-        let step = step.into_iter().find(|step| last / step <= 10).unwrap_or(last);
-        let inner = (1..last).filter(|at| *at == 1 || (at.is_multiple_of(step) && last - at > step / 2));
-        let marks = inner.chain([last]).map(f64::from).collect();
-        Self { label: label.to_owned(), marks, decimals: 0 }
     }
 }
 
@@ -220,17 +202,11 @@ impl Figure {
         for line in self.lines.iter().rev() {
             let stroke = line.colour.stroke_width(2);
             let points = line.points.iter().copied();
-            if line.stroke == Stroke::Dashed {
-                chart.draw_series(DashedLineSeries::new(points.clone(), 7, 5, stroke))?;
+            if line.is_dashed {
+                chart.draw_series(DashedLineSeries::new(points, 7, 5, stroke))?;
             } else {
                 chart.draw_series(LineSeries::new(points.clone(), stroke))?;
-            }
-            if line.stroke == Stroke::Dotted {
                 chart.draw_series(points.map(|point| Circle::new(point, 3, line.colour.filled())))?;
-            }
-            for (x, low, high) in &line.intervals {
-                let upright = PathElement::new(vec![(*x, *low), (*x, *high)], line.colour.stroke_width(1));
-                chart.draw_series([upright])?;
             }
         }
         Ok(())
@@ -242,25 +218,24 @@ impl Figure {
         let (left, right) = (16, WIDTH as i32);
         let (mut x, mut row) = (left, 0);
         let bars = self.bars.iter().map(|bars| (&bars.name, bars.colour, None));
-        let lines = self.lines.iter().map(|line| (&line.name, line.colour, Some(line.stroke)));
-        for (name, colour, stroke) in bars.chain(lines).filter(|(name, ..)| !name.is_empty()) {
+        let lines = self.lines.iter().map(|line| (&line.name, line.colour, Some(line.is_dashed)));
+        for (name, colour, is_dashed) in bars.chain(lines).filter(|(name, ..)| !name.is_empty()) {
             let name = short(name);
             let width = 34 + area.estimate_text_size(name, &text)?.0 as i32;
             if x > left && x + width > right {
                 (x, row) = (left, row + 1);
             }
             let y = 11 + LEGEND_ROW * row;
-            if let Some(stroke) = stroke {
-                let dashes = [(0, 8), (12, 20), (24, 28)];
-                for (from, to) in if stroke == Stroke::Dashed { &dashes[..] } else { &[(0, 28)] } {
-                    let piece = [(x + from, y), (x + to, y)];
-                    area.draw(&PathElement::new(piece, colour.stroke_width(2)))?;
+            let piece = |from: i32, to: i32| PathElement::new([(x + from, y), (x + to, y)], colour.stroke_width(2));
+            match is_dashed {
+                None => area.draw(&Rectangle::new([(x + 12, y - 5), (x + 28, y + 5)], colour.filled()))?,
+                Some(true) => {
+                    [(0, 8), (12, 20), (24, 28)].into_iter().try_for_each(|(from, to)| area.draw(&piece(from, to)))?;
                 }
-            } else {
-                area.draw(&Rectangle::new([(x + 12, y - 5), (x + 28, y + 5)], colour.filled()))?;
-            }
-            if stroke == Some(Stroke::Dotted) {
-                area.draw(&Circle::new((x + 14, y), 3, colour.filled()))?;
+                Some(false) => {
+                    area.draw(&piece(0, 28))?;
+                    area.draw(&Circle::new((x + 14, y), 3, colour.filled()))?;
+                }
             }
             area.draw(&Text::new(name, (x + 34, y), text.clone()))?;
             x += width + 22;
@@ -279,14 +254,12 @@ mod tests {
     use super::*;
 
     fn figure() -> Figure {
-        let line = |name: &str, colour, stroke, y: f64| {
-            Line::new(name, colour, stroke, vec![(1.0, y), (2.0, y + 0.1), (5.0, y + 0.2)])
-        };
+        let points = |y: f64| vec![(1.0, y), (2.0, y + 0.1), (5.0, y + 0.2)];
         Figure {
             title: "A title".to_owned(),
-            x: Scale::whole("epoch", 5),
+            x: Scale::steps("epoch", 0.0, 5.0, 1.0),
             y: Scale::around("share", 0.31, 0.87),
-            lines: vec![line("one", BLUE, Stroke::Dotted, 0.4), line("two & <three>", GREY, Stroke::Dashed, 0.6)],
+            lines: vec![Line::new("one", BLUE, points(0.4)), Line::dashed("two & <three>", GREY, points(0.6))],
             bars: Vec::new(),
         }
     }
@@ -303,10 +276,7 @@ mod tests {
             assert_eq!(texts.len(), scale.marks.len(), "{texts:?}");
         }
         assert_eq!(Scale::around("", 0.0, 1.0).marks.len(), 6);
-        assert_eq!(Scale::whole("", 1).marks, [1.0, 2.0]);
-        assert_eq!(Scale::whole("", 7).marks, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-        assert_eq!(Scale::whole("", 30).marks, [1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0]);
-        assert_eq!(*Scale::whole("", 101).marks.last().unwrap(), 101.0);
+        assert_eq!(Scale::steps("", 0.0, 9.0, 3.0).marks, [0.0, 3.0, 6.0, 9.0]);
     }
 
     #[test]
@@ -332,7 +302,7 @@ mod tests {
     #[test]
     fn a_legend_that_is_too_long_goes_on_in_the_next_row() {
         let rows = |names: usize| {
-            let line = Line::new("a name of some length", BLUE, Stroke::Solid, vec![(1.0, 0.4), (2.0, 0.5)]);
+            let line = Line::new("a name of some length", BLUE, vec![(1.0, 0.4), (2.0, 0.5)]);
             let svg = Figure { lines: vec![line; names], ..figure() }.svg().unwrap();
             let tops = svg.split("a name of some length").count() - 1;
             assert_eq!(tops, names);

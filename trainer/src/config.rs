@@ -8,7 +8,7 @@
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use settings::{Document, Reader, Row, Setting, Value, above, rows_of, settings, words};
 use toml::Table;
 
@@ -199,8 +199,6 @@ settings! {
 
 words! {
     /// A way to hold out samples.
-    #[derive(Deserialize)]
-    #[serde(rename_all = "lowercase")]
     pub enum SplitBy {
         /// Single attempts, as the paper does: the network has seen the same grid with other attempts.
         Attempt = "attempt",

@@ -20,6 +20,7 @@ use crate::config::{self, Config, Targets};
 use crate::data::split_bits::NO_SAMPLE;
 use crate::data::{GraspDataset, Set, for_each_batch};
 use crate::device::Device;
+use crate::fit::TEST_BATCH;
 use crate::judge::Judge;
 use crate::judge::scores::HandScores;
 use crate::method::{FoundBy, Method};
@@ -39,18 +40,6 @@ words! {
         TestScenes = "test-scenes",
         /// Every sample.
         All = "all",
-    }
-}
-
-impl TestSet {
-    /// A description of the set.
-    #[must_use]
-    pub fn description(self) -> &'static str {
-        match self {
-            Self::TestAttempts => "held-out attempts of scenes that trained",
-            Self::TestScenes => "held-out scenes",
-            Self::All => "all samples",
-        }
     }
 }
 
@@ -187,7 +176,8 @@ fn results<M: Method>(
     let set_of = |mark: u8| (if let Some(set) = wanted { mark == set as u8 } else { mark != NO_SAMPLE }).then_some(0);
     let order = SceneOrder::ascending(&samples.marks, |mark| set_of(mark).is_some());
     let mut found = Vec::new();
-    for_each_batch(&samples, &order, 0, steps_in_order(&samples.marks, &order, BATCH, set_of), None, |_, batch| {
+    let steps = steps_in_order(&samples.marks, &order, TEST_BATCH, set_of);
+    for_each_batch(&samples, &order, 0, steps, None, |_, batch| {
         let results = samples.method.evaluate(&checkpoint.vector, &batch);
         found.extend(batch.samples.into_iter().zip(results));
         ControlFlow::Continue(())
@@ -227,6 +217,3 @@ fn must_be_finite<D, A>(found: &[Found<D, A>], path: &Path) -> Result<(), Failur
     let text = format!("the loss of attempt {attempt} of scene {scene} must be finite, got {loss}");
     Err(Failure::new(ExitCode::Data, format!("{text}: {}", path.display())))
 }
-
-/// Samples per batch.
-const BATCH: usize = 192;

@@ -19,8 +19,6 @@ pub enum Event<'a> {
     Begun(&'a Beginning),
     /// A batch is done.
     Step {
-        /// Number of the step in the run, from 1.
-        step: u64,
         /// Samples in it.
         samples: usize,
         /// Its mean loss, Eq. 5.

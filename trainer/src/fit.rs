@@ -11,6 +11,7 @@ use network::judge::Scope;
 use network::{Architecture, VoxelParams};
 use program::{ExitCode, Failure};
 use schema::Gripper;
+use serde_json::Value;
 use shards::{Dataset, Location};
 
 use crate::adam;
@@ -23,11 +24,9 @@ use crate::judge::Judge;
 use crate::method::{Epoch, Method};
 use crate::metrics::Tally;
 use crate::order::{SceneOrder, epoch_order, epoch_steps, steps_in_order};
-use crate::patience::epochs_without_better;
 use crate::run_folder::{RunFolder, id_of, read_metrics};
 use crate::split::{LabelCount, Labels, split};
 use crate::voxel::Voxel;
-use crate::watch::Watch;
 
 /// How training ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +38,7 @@ pub enum Ending {
 }
 
 /// Samples per batch in tests: larger, because there are no gradients.
-const TEST_BATCH: usize = 192;
+pub(crate) const TEST_BATCH: usize = 192;
 
 /// A training job.
 #[derive(Debug, Clone, Copy)]
@@ -69,11 +68,6 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
     let Job { data, config, run, from, resume, device } = *job;
     let datasets = open(data)?;
     let folder = RunFolder::open(run, config, resume)?;
-    let watch = Watch::new(run, config.checkpoint.every_steps);
-    let observe: &(dyn Fn(Event<'_>) + Sync) = &|event| {
-        watch.see(&event);
-        observe(event);
-    };
     let (architecture, dataset_id) = (architecture(config, &datasets, device)?, id_of(&datasets));
     let (vector, progress, moments) = match folder.last(&datasets)? {
         Some(last) => (last.vector, last.progress, last.moments),
@@ -112,7 +106,11 @@ fn train<M: Method>(
     observe(Event::Begun(&Beginning { outside: samples.outside, labels, progress: state.progress }));
     let training = Training { config, folder, samples: &samples, stop, observe, train: labels.train };
     while state.progress.epoch < config.training.epochs {
-        let without_better = epochs_without_better(&metrics);
+        // Of the metrics alone, so that a run that was begun without patience can go on with it.
+        let is_best = |line: &&String| {
+            serde_json::from_str::<Value>(line).is_ok_and(|line| line["is_best"].as_bool() == Some(true))
+        };
+        let without_better = metrics.iter().rev().take_while(|line| !is_best(line)).count() as u32;
         if config.training.patience_epochs > 0 && without_better >= config.training.patience_epochs {
             observe(Event::NoBetter(without_better));
             break;
@@ -329,7 +327,7 @@ impl<M: Method> Training<'_, M> {
         tally.store(&mut state.progress);
         state.progress.batch += 1;
         state.progress.step = number;
-        (self.observe)(Event::Step { step: number, samples, loss });
+        (self.observe)(Event::Step { samples, loss });
         let every = u64::from(self.config.checkpoint.every_steps);
         if every > 0 && number.is_multiple_of(every) { self.folder.save_last(state) } else { Ok(()) }
     }
@@ -340,20 +338,14 @@ impl<M: Method> Training<'_, M> {
         let set_of = |mark: u8| [Set::TestAttempts as u8, Set::TestScenes as u8].iter().position(|set| *set == mark);
         let order = SceneOrder::ascending(marks, |mark| set_of(mark).is_some());
         let mut tallies = [Tally::default(); 2];
-        for_each_batch(
-            self.samples,
-            &order,
-            0,
-            steps_in_order(marks, &order, TEST_BATCH, set_of),
-            None,
-            |set, batch| {
-                if self.is_stopped() {
-                    return ControlFlow::Break(());
-                }
-                tallies[set].add(&self.samples.method.evaluate(vector, &batch));
-                ControlFlow::Continue(())
-            },
-        )?;
+        let steps = steps_in_order(marks, &order, TEST_BATCH, set_of);
+        for_each_batch(self.samples, &order, 0, steps, None, |set, batch| {
+            if self.is_stopped() {
+                return ControlFlow::Break(());
+            }
+            tallies[set].add(&self.samples.method.evaluate(vector, &batch));
+            ControlFlow::Continue(())
+        })?;
         Ok(tallies)
     }
 }

@@ -8,9 +8,8 @@
 //! - [`judge`] is the same for a judge of hands. [`method`] is what both answer; the rest is written once for it.
 //! - [`data`] makes samples from shards, [`batch`] is some of them, [`split`] holds some out, [`order`] shuffles the
 //!   rest.
-//! - [`mod@fit`] is the training loop, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early
-//!   stopping, [`metrics`] its counts, [`events`] its progress reports, [`run_folder`] its files,
-//!   TensorBoard events its monitoring.
+//! - [`mod@fit`] is the training loop, [`adam`] its optimiser, [`schedule`] its step size, [`metrics`] its counts,
+//!   [`events`] its progress reports, [`run_folder`] its files.
 //! - [`mod@evaluate`] evaluates the result, [`scores`] its predicted qualities.
 //!
 //! # Determinism
@@ -34,12 +33,9 @@ pub mod judge;
 pub mod method;
 pub mod metrics;
 pub mod order;
-pub mod patience;
 pub mod results;
 pub mod run_folder;
 pub mod schedule;
 pub mod scores;
 pub mod split;
-mod tensorboard;
 pub mod voxel;
-mod watch;

@@ -7,7 +7,6 @@
 //! metrics.jsonl        one line per epoch
 //! loss.svg             the losses by epoch, drawn by the program from metrics.jsonl
 //! accuracy.svg         the accuracies by epoch, drawn from metrics.jsonl
-//! tensorboard/         the same numbers, and the loss of steps, as TensorBoard's events
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -82,23 +82,6 @@ pub fn ranking(scores: &[Score]) -> Ranking {
     }
 }
 
-/// The highest accuracy that one threshold of the logit gives, all attempts failing or holding among them; `None`
-/// without scores.
-#[must_use]
-pub fn best_accuracy(scores: &[Score]) -> Option<f64> {
-    let mut sorted = scores.to_vec();
-    sorted.sort_by(|a, b| b.logit.total_cmp(&a.logit));
-    // Right answers if all below the threshold, at first everything, is predicted to fail.
-    let mut right = sorted.iter().filter(|score| !score.held).count();
-    let mut most = right;
-    for tied in sorted.chunk_by(|a, b| a.logit == b.logit) {
-        let held = tied.iter().filter(|score| score.held).count();
-        right = right + held - (tied.len() - held);
-        most = most.max(right);
-    }
-    (!sorted.is_empty()).then(|| most as f64 / sorted.len() as f64)
-}
-
 /// The first and the last point, and evenly spaced ones between them.
 fn thinned(points: &[OperatingPoint]) -> Vec<OperatingPoint> {
     if points.len() <= POINTS_MAX {
@@ -278,14 +261,6 @@ mod tests {
         assert_eq!(ranking.roc_auc, Some(0.75));
         let pairs: Vec<(f64, f64)> = ranking.precision_recall.iter().map(|at| (at.precision, at.recall)).collect();
         assert_eq!(pairs, [(1.0, 0.5), (0.5, 0.5), (2.0 / 3.0, 1.0), (0.5, 1.0)]);
-    }
-
-    #[test]
-    fn the_best_threshold_is_found() {
-        let mixed = scores(&[(0.1, false), (0.4, false), (0.35, true), (0.8, true), (0.8, true)]);
-        assert_eq!(best_accuracy(&mixed), Some(0.8));
-        assert_eq!(best_accuracy(&scores(&[(1.0, false), (0.0, true), (0.0, false)])), Some(2.0 / 3.0));
-        assert_eq!(best_accuracy(&[]), None);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! What people see while training and after.
 
 use std::fmt::Write;
-use std::sync::Mutex;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use program::text::per_second;
@@ -14,7 +13,6 @@ use trainer::split::Labels;
 pub(crate) struct Screen {
     config: Config,
     bar: ProgressBar,
-    last: Mutex<Option<EpochReport>>,
 }
 
 /// Steps after which the first estimate is printed.
@@ -22,7 +20,7 @@ const ESTIMATE_AFTER_STEPS: u64 = 20;
 
 impl Screen {
     pub(crate) fn new(config: &Config) -> Self {
-        Self { config: config.clone(), bar: ProgressBar::no_length(), last: Mutex::new(None) }
+        Self { config: config.clone(), bar: ProgressBar::no_length() }
     }
 
     /// Begins the bar anew.
@@ -37,20 +35,9 @@ impl Screen {
         self.bar.reset();
     }
 
-    /// Clears the bar and, if an epoch was done, prints its results.
+    /// Clears the bar.
     pub(crate) fn end(&self) {
         self.bar.finish_and_clear();
-        let last = self.last.lock().ok().and_then(|last| last.clone());
-        let Some(report) = last else { return };
-        print(&format!("\nafter epoch {}:", report.epoch));
-        for (name, summary) in [("test attempts", &report.test_attempts), ("test scenes", &report.test_scenes)] {
-            let (low, high) = summary.accuracy_95;
-            let (accuracy, baseline) = (share(summary.accuracy), share(summary.baseline_accuracy));
-            let samples = summary.samples;
-            print(&format!(
-                "{name:<14}accuracy {accuracy} (95 %: {low:.3} to {high:.3}; {samples} samples), always \"failure\" {baseline}"
-            ));
-        }
     }
 
     pub(crate) fn show(&self, event: &Event<'_>) {
@@ -65,7 +52,7 @@ impl Screen {
             }
             Event::SceneLoaded => self.bar.inc(1),
             Event::Begun(beginning) => self.begin(beginning),
-            Event::Step { samples, loss, .. } => {
+            Event::Step { samples, loss } => {
                 self.bar.inc(*samples as u64);
                 self.bar.set_message(format!("loss {loss:.3}"));
                 if self.bar.position().div_ceil(self.config.training.batch as u64) == ESTIMATE_AFTER_STEPS {
@@ -76,12 +63,7 @@ impl Screen {
                 let plural = if *epochs == 1 { "" } else { "s" };
                 self.line(&format!("ended early: no better test accuracy in {epochs} epoch{plural}"));
             }
-            Event::Epoch(report) => {
-                self.line(&epoch_line(report, self.config.training.epochs));
-                if let Ok(mut last) = self.last.lock() {
-                    *last = Some((*report).clone());
-                }
-            }
+            Event::Epoch(report) => self.line(&epoch_line(report, self.config.training.epochs)),
         }
     }
 

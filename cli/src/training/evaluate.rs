@@ -40,7 +40,7 @@ pub(crate) struct Arguments {
     /// Print JSON.
     #[arg(long)]
     json: bool,
-    /// A folder for evaluation.md, evaluation.json, and pictures of precision–recall and calibration (SVG).
+    /// A folder for evaluation.md, and evaluation.json, which also has the points of precision–recall.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Threads; all cores by default.

@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
     /// The recipe [default: the built-in configs/train/paper.toml].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// The run's folder: checkpoints, metrics, curves (loss.svg, accuracy.svg), events for TensorBoard (tensorboard/).
+    /// The run's folder: checkpoints, metrics (metrics.jsonl), curves (loss.svg, accuracy.svg).
     #[arg(long)]
     run: PathBuf,
     /// Continue from the run's last checkpoint, or begin if there is none.
@@ -90,7 +90,6 @@ pub(crate) fn execute(job: &Job<'_>, stop: &AtomicBool) -> Result<ExitCode, Fail
             print(format_args!(
                 "\nbest weights  {}\n\
                  metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg\n\
-                 TensorBoard   tensorboard --logdir {run}/tensorboard\n\
                  next          graspmill evaluate --run {run} --data {next}\n",
                 SavedAs::Best.path(job.run).display()
             ))?;

@@ -269,15 +269,6 @@ impl Crop {
         }
     }
 
-    /// The least distance, in [−1, 1] of the truncation, that was seen where a hand of a crop sweeps: what arithmetic
-    /// alone says of it. 1 where nothing was seen.
-    #[must_use]
-    pub fn clearance(crop: &[f32]) -> f32 {
-        let points = PADDED.positions().map(|at| &crop[PADDED.place(at) * CHANNELS..][..CHANNELS]);
-        let in_hand = points.filter(|point| point[3] <= 0.0 && point[1] > 0.0);
-        in_hand.map(|point| point[0]).fold(1.0, f32::min)
-    }
-
     /// What is known of a hand besides its crop: where down is for it, the height of its tips, the number of views, its
     /// dimensions.
     pub(super) fn facts(&self, workspace_from_grasp: &Pose, views: usize, mirrored: [bool; 2]) -> [f32; FACTS] {

@@ -2,7 +2,7 @@
 
 use program::text::{bar, grouped, markdown_table};
 
-use super::{Block, Cell, Document, Picture, Table};
+use super::{Block, Cell, Document, Table};
 
 /// Characters of the longest bar.
 const BAR: usize = 24;
@@ -45,8 +45,7 @@ impl Block {
             Self::Warnings(lines) => lines.iter().map(|line| format!("- {line}\n")).collect(),
             Self::Tiles(tiles) => tiles.iter().map(|(value, what)| format!("- {value}: {what}\n")).collect(),
             Self::Table(table) => table.markdown(),
-            Self::Figures(pictures) => pictures.iter().filter_map(Picture::markdown).collect(),
-            Self::Gallery(_) | Self::Legend(_) | Self::Links(_) | Self::Filter(_) => String::new(),
+            Self::Figures(_) | Self::Gallery(_) | Self::Legend(_) | Self::Links(_) | Self::Filter(_) => String::new(),
             Self::Code(language, code) => fenced(language, code),
         }
     }
@@ -67,13 +66,6 @@ impl Block {
             Self::Gallery(_) | Self::Legend(_) | Self::Links(_) | Self::Filter(_) => String::new(),
             Self::Code(_, code) => format!("{}\n", code.trim_end()),
         }
-    }
-}
-
-impl Picture {
-    fn markdown(&self) -> Option<String> {
-        let file = self.file?;
-        Some(format!("![{}]({file})\n", self.title.to_lowercase()))
     }
 }
 

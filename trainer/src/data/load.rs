@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use schema::{AttemptRecord, ObjectRecord, SceneRows};
 use shards::Dataset;
 
-use super::split_bits::{NO_SAMPLE, SplitBits, shard_of};
+use super::split_bits::{SplitBits, shard_of};
 use crate::batch::{SampleId, Scene, Scenes};
 use crate::method::Method;
 
@@ -56,15 +56,6 @@ impl<'a, M: Method> GraspDataset<'a, M> {
         let outside = surveyed.iter().map(|(_, outside)| outside).sum();
         let marks = surveyed.into_iter().map(|(marks, _)| marks).collect();
         Ok(Self { shards, method, marks, outside, kept: BTreeMap::new() })
-    }
-
-    /// Scene and attempt of every sample, ascending.
-    pub fn ids(&self) -> impl Iterator<Item = (u32, u32)> {
-        let of_scene = |marks: &'_ SplitBits, scene| {
-            let own = marks.of_scene(scene).filter(|(_, mark)| *mark != NO_SAMPLE);
-            own.map(|(attempt, _)| (scene, attempt)).collect::<Vec<_>>()
-        };
-        self.marks.iter().flat_map(move |marks| marks.scenes().flat_map(move |scene| of_scene(marks, scene)))
     }
 
     /// The place among all shards of the one that has a scene.

@@ -29,11 +29,6 @@ pub struct JudgeSample {
     pub hits_table: bool,
 }
 
-/// What only a judge predicts, and what arithmetic does.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JudgeAnswer {
-    /// What arithmetic alone says of the hand ([`network::judge::Crop::clearance`]); not asked in training.
-    pub clearance: Option<f32>,
-    /// Where the attempt was repeated: the share of its repeats that are expected to hold, and the true one.
-    pub robustness: Option<[f32; 2]>,
-}
+/// What only a judge predicts, where the attempt was repeated: the share of its repeats that are expected to hold, and
+/// the true one.
+pub type JudgeAnswer = Option<[f32; 2]>;

@@ -1,4 +1,4 @@
-//! The results of a judge that those over all samples hide, and what arithmetic gives without a network.
+//! The results of a judge that those over all samples hide.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::sample::{Found, Sample, SampleResult};
 use crate::metrics::{Summary, Tally, summaries};
-use crate::scores::{Ranking, Score, average_precision_by_scene, best_accuracy, calibration, ranking, score};
+use crate::scores::{Ranking, Score, average_precision_by_scene, calibration, ranking, score};
 
 /// Results of a judge that those over all samples hide.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -17,8 +17,6 @@ pub struct HandScores {
     pub table_free: Scores,
     /// 95 % interval of their average precision by bootstrap over scenes.
     pub average_precision_95_by_scene: Option<(f64, f64)>,
-    /// What arithmetic gives without a network.
-    pub arithmetic: [Arithmetic; 2],
     /// By the way in which the hand was drawn.
     pub by_source: BTreeMap<&'static str, Scores>,
     /// By the number of views.
@@ -53,7 +51,7 @@ pub struct RobustnessScores {
 impl RobustnessScores {
     fn of(found: &[Found]) -> Option<Self> {
         let pairs: Vec<[f64; 2]> =
-            found.iter().filter_map(|(_, result)| result.answer.robustness).map(|pair| pair.map(f64::from)).collect();
+            found.iter().filter_map(|(_, result)| result.answer).map(|pair| pair.map(f64::from)).collect();
         let over_all = |value: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(value).sum::<f64>() / pairs.len() as f64;
         let mean = over_all(&|[_, share]| *share);
         (!pairs.is_empty()).then(|| Self {
@@ -97,40 +95,8 @@ impl Scores {
     }
 }
 
-/// What arithmetic gives without a network. Thresholds are the best for this very set, which flatters it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Arithmetic {
-    /// What is asked.
-    pub asked: &'static str,
-    /// Accuracy at the best threshold.
-    pub accuracy: Option<f64>,
-    /// The same on attempts whose hand does not hit the table.
-    pub accuracy_table_free: Option<f64>,
-    /// Area under the ROC curve.
-    pub roc_auc: Option<f64>,
-    /// Average precision.
-    pub average_precision: Option<f64>,
-}
-
-impl Arithmetic {
-    fn of(asked: &'static str, found: &[Found], value: fn(f32, bool) -> f32) -> Self {
-        let score = |(sample, result): &Found| {
-            Some(Score { logit: value(result.answer.clearance?, is_free(sample)), ..score(result) })
-        };
-        let all: Vec<Score> = found.iter().filter_map(score).collect();
-        let free: Vec<Score> = found.iter().filter(|(sample, _)| is_free(sample)).filter_map(score).collect();
-        let Ranking { roc_auc, average_precision, .. } = ranking(&all);
-        let (accuracy, accuracy_table_free) = (best_accuracy(&all), best_accuracy(&free));
-        Self { asked, accuracy, accuracy_table_free, roc_auc, average_precision }
-    }
-}
-
-fn is_free(sample: &Sample) -> bool {
-    !sample.data.hits_table
-}
-
 pub(super) fn hand_scores(found: &[Found]) -> HandScores {
-    let free = || found.iter().filter(|(sample, _)| is_free(sample));
+    let free = || found.iter().filter(|(sample, _)| !sample.data.hits_table);
     let of_scenes: Vec<(u32, Score)> = free().map(|(sample, result)| (sample.id.scene, score(result))).collect();
     let mut scenes = BTreeMap::<u32, (bool, Score)>::new();
     for (sample, result) in found {
@@ -157,10 +123,6 @@ pub(super) fn hand_scores(found: &[Found]) -> HandScores {
     HandScores {
         table_free: Scores::of(&free().map(|(_, result)| *result).collect::<Vec<_>>()),
         average_precision_95_by_scene: average_precision_by_scene(&of_scenes),
-        arithmetic: [
-            Arithmetic::of("does the swept hand touch the table", found, |_, free| f32::from(u8::from(free))),
-            Arithmetic::of("… or what was seen, by one threshold", found, |clearance, _| clearance),
-        ],
         by_source: Scores::by(found.iter().map(|(sample, result)| (source(sample), *result))),
         by_views: Scores::by(found.iter().map(|(sample, result)| (views(sample), *result))),
         scenes_with_held: with_held,

@@ -17,7 +17,7 @@ use crate::results::sum;
 /// Samples of a part of a batch, which one thread computes. It does not depend on the number of threads, so neither do
 /// results.
 const PART: usize = 32;
-/// The logit of a quality of 0, and the least clearance, for hands that hit the table.
+/// The logit of a quality of 0, for hands that hit the table.
 const NEVER: f32 = -30.0;
 
 /// Loss and gradient of a batch; no hand of it may hit the table.
@@ -32,7 +32,7 @@ pub fn step(vector: &[f32], batch: &Batch<JudgeSample>, crops: &[Crop]) -> StepR
         let d_logits: Vec<_> = seen.logits().zip(samples).map(|(logits, own)| d_loss(&logits, own, weight)).collect();
         StepResult {
             gradient: network.gradient(&transposed, &inputs, &seen, &d_logits),
-            samples: results(&inputs, &seen, samples, |_| None).collect(),
+            samples: results(&seen, samples).collect(),
         }
     });
     sum(vector.len(), parts.collect())
@@ -44,14 +44,12 @@ pub fn evaluate(vector: &[f32], batch: &Batch<JudgeSample>, crops: &[Crop]) -> V
     let network = JudgeNetwork::new(vector);
     let parts = batch.samples.par_chunks(PART).map(|samples| {
         let asked: Vec<Sample> = samples.iter().filter(|sample| !sample.data.hits_table).copied().collect();
-        let certain =
-            |sample: &Sample| result(0.0, NEVER, JudgeAnswer { clearance: Some(NEVER), robustness: None }, sample);
+        let certain = |sample: &Sample| result(0.0, NEVER, None, sample);
         if asked.is_empty() {
             return samples.iter().map(certain).collect();
         }
-        let inputs = inputs(batch, &asked, crops);
-        let seen = network.forward(&inputs);
-        let mut asked = results(&inputs, &seen, &asked, |crop| Some(Crop::clearance(crop)));
+        let seen = network.forward(&inputs(batch, &asked, crops));
+        let mut asked = results(&seen, &asked);
         let mut answer = |sample: &Sample| if sample.data.hits_table { None } else { asked.next() };
         samples.iter().map(|sample| answer(sample).unwrap_or_else(|| certain(sample))).collect::<Vec<_>>()
     });
@@ -72,19 +70,13 @@ fn inputs(batch: &Batch<JudgeSample>, asked: &[Sample], crops: &[Crop]) -> Judge
     inputs
 }
 
-fn results<'a>(
-    inputs: &'a JudgeInputs,
-    seen: &'a JudgeActivations,
-    samples: &'a [Sample],
-    clearance: impl Fn(&[f32]) -> Option<f32> + 'a,
-) -> impl Iterator<Item = SampleResult> {
-    let crops = inputs.crops.chunks_exact(Crop::LEN);
-    seen.logits().zip(samples).zip(crops).map(move |((logits, sample), crop)| {
+fn results(seen: &JudgeActivations, samples: &[Sample]) -> impl Iterator<Item = SampleResult> {
+    seen.logits().zip(samples).map(|(logits, sample)| {
         let loss = -libm::logf(probabilities(&logits)[sample.data.outcome as usize].max(f32::MIN_POSITIVE));
         let robustness = sample.data.robustness.map(|share| [robustness(&logits), share]);
         // Propagate NaN, so that training detects divergence.
         let loss = if logits.iter().all(|logit| logit.is_finite()) { loss } else { f32::NAN };
-        result(loss, quality_logit(&logits), JudgeAnswer { clearance: clearance(crop), robustness }, sample)
+        result(loss, quality_logit(&logits), robustness, sample)
     })
 }
 

@@ -51,7 +51,7 @@ fn imported_weights_are_evaluated_on_all_samples_and_nothing_is_held_out() {
     write_dataset(&data, 1, 2, 4, 6);
     let args = ["evaluate", "--run", text(&run), "--data", text(&data)];
     let report = succeeds(&[&args[..], &["--split", "all"]].concat());
-    assert!(report.contains("epoch 0, step 0") && report.contains("all samples: 24 samples"), "{report}");
+    assert!(report.contains("epoch 0, step 0") && report.contains("all: 24 samples"), "{report}");
     for split in ["test-attempts", "test-scenes"] {
         let args = [&args[..], &["--split", split]].concat();
         check_fails(&args, 78, &["another dataset, unknown (imported weights)", "--split all"]);
