@@ -104,13 +104,12 @@ fn lines_m(hand: &Hand, gripper: &Gripper, is_best: bool) -> Vec<[Vec3; 2]> {
         let fork = Line::fork(Class::Hand, "", gripper, camera_from_grasp, *opening_m);
         return fork.points_m.windows(2).map(|ends| [ends[0], ends[1]].map(Vec3::from_array)).collect();
     }
-    let [left, right] = gripper.fingers(*opening_m);
     let edges = |part| {
         let corners: Vec<Vec3> = box_corners_m(part).map(|corner| camera_from_grasp.transform_point(corner)).collect();
         let pairs = (0..corners.len()).flat_map(|from| [1, 2, 4].map(|bit| [from, from | bit]));
         pairs.filter(|[from, to]| from < to).map(move |ends| ends.map(|end| corners[end]))
     };
-    [left, right, gripper.palm()].iter().flat_map(edges).collect()
+    gripper.hand(*opening_m).iter().flat_map(edges).collect()
 }
 
 /// A grasp's colour by its rank among the `count` drawn ones: after the best from dark to light grey, so that
