@@ -126,7 +126,7 @@ fn try_once(
     tried: usize,
 ) -> Result<Option<(Attempt, Vec<SceneObject>)>, NoPlan> {
     let began = Instant::now();
-    let views = observe(config, &config.cameras(), scene, noise);
+    let views = observe(config, scene, noise);
     let observe_ms = milliseconds(began);
     let began = Instant::now();
     let offers = planner.plan(Look { config, scene, views, failed: failed.to_vec() })?;
@@ -192,14 +192,14 @@ fn moved(scene: &Scene, poses: &[Pose], gone: Option<usize>) -> Vec<SceneObject>
     objects.map(|(_, (object, pose))| SceneObject { workspace_from_object: *pose, ..object.clone() }).collect()
 }
 
-/// What cameras see of a scene, with the experiment's noise.
+/// What the experiment's cameras see of a scene, with its noise.
 #[must_use]
-pub fn observe(config: &Config, cameras: &[Camera], scene: &Scene, noise: &mut Stream) -> Vec<View> {
+pub fn observe(config: &Config, scene: &Scene, noise: &mut Stream) -> Vec<View> {
     let rays = SceneRays::new(scene);
-    let seen = |camera: &Camera| {
-        let mut image = rays.render(camera);
+    let seen = |camera: Camera| {
+        let mut image = rays.render(&camera);
         add_depth_noise(&mut image, &config.noise, noise);
-        View::new(image, *camera)
+        View::new(image, camera)
     };
-    cameras.iter().map(seen).collect()
+    config.cameras().into_iter().map(seen).collect()
 }

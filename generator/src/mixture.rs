@@ -98,13 +98,8 @@ impl Observed<'_> {
             }
             Source::Judged => {
                 let judge = config.policy.as_ref().and_then(|policy| policy.judge(gripper, &config.grid).ok());
-                let seen = ObservedScene {
-                    field: tsdf,
-                    fine: None,
-                    views: views.len(),
-                    reach_m: tsdf.lattice.corners_m(),
-                    known: &[],
-                };
+                let seen =
+                    ObservedScene { field: tsdf, fine: None, views: views.len(), reach_m: tsdf.lattice.corners_m() };
                 let best = judge.map_or_else(Vec::new, |judge| best(&judge, seen, count, &mut own_stream(2)));
                 self.candidates(Approach::Judged, count, best.iter().map(|scored| scored.grasp.workspace_from_grasp))
             }

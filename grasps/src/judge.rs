@@ -6,7 +6,7 @@ use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Pose, Stream, Vec3};
 
-use crate::{AreWanted, CandidateSampler, ObservedScene, Search, Space, kept};
+use crate::{CandidateSampler, ObservedScene, Search, Space, kept};
 
 /// Hands that one thread judges together.
 const TOGETHER: usize = 8;
@@ -32,9 +32,6 @@ const LEADERS: usize = 6;
 /// They are moved by the largest of these shares of the way where the judge is as sure of them but for this.
 const SHARES: [f32; 2] = [0.5, 1.0];
 const AS_SURE: f32 = 0.03;
-
-/// Where hands are known from an earlier look, so many times fewer are proposed and asked about.
-const KNOWN_LESS: [usize; 2] = [4, 2];
 
 /// A judge, prepared for a hand on a grid.
 #[derive(Debug, Clone)]
@@ -98,8 +95,7 @@ impl Judge {
     /// come the best of those whose tips are `apart_m` from each other, then the others, each best first; beside them
     /// the number of proposals. The best are asked about again in each mirror image: a hand and its mirror image end
     /// alike, so where the answers differ their mean is nearer to the truth. Only hands that are wanted are proposed,
-    /// and if `about_m` has places only near these. Hands that are known from an earlier look are asked about first.
-    /// The best hands are moved towards a `better` place.
+    /// and if `about_m` has places only near these. The best hands are moved towards a `better` place.
     #[must_use]
     pub fn scored_grasps(
         &self,
@@ -111,14 +107,10 @@ impl Judge {
         let space = Space::new(seen.field, seen.fine, seen.reach_m);
         let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), 0);
         let mut wanted = space.near(about_m, ABOUT_M);
-        let mut known = self.still_good(&space, seen.known, are_wanted);
-        let [proposals_less, asked_less] = if known.is_empty() { [1; 2] } else { KNOWN_LESS };
-        let (proposals, asked) = (proposals / proposals_less, asked / asked_less);
         for [more, more_asked] in SEARCHES {
             let hands = self.sampler.search(&space, &wanted, are_wanted, more * proposals, stream);
-            proposed += hands.len() + known.len();
-            let mut hands = self.likeliest(&space, seen.views, hands, (more_asked * asked).saturating_sub(known.len()));
-            hands.append(&mut known);
+            proposed += hands.len();
+            let hands = self.likeliest(&space, seen.views, hands, more_asked * asked);
             judged.extend(pair(&hands, &self.judge(&space, seen.views, &hands, [false; 2])));
             if hands.is_empty() || judged.iter().any(|judged| judged.quality() > SURE) {
                 break;
@@ -171,13 +163,6 @@ impl Judge {
                 best[place] = there;
             }
         }
-    }
-
-    /// Those of earlier hands that are free and wanted in what is seen now.
-    fn still_good(&self, space: &Space<'_>, known: &[Grasp], are_wanted: &AreWanted<'_>) -> Vec<Grasp> {
-        let is_free = |hand: &Grasp| self.sampler.is_free(space, &hand.workspace_from_grasp);
-        let free: Vec<Grasp> = known.par_iter().filter(|hand| is_free(hand)).copied().collect();
-        if free.is_empty() { free } else { kept(&free, &are_wanted(&free)) }
     }
 
     /// Of many hands the `asked` ones that a quick look finds likeliest to hold, in their order: at last some that are

@@ -47,8 +47,6 @@ pub struct ObservedScene<'a> {
     pub views: usize,
     /// The lower and the upper corner of the box in which hands touch something, in metres.
     pub reach_m: [Vec3; 2],
-    /// Hands that were good in an earlier look: they are asked about again, and fewer others are.
-    pub known: &'a [Grasp],
 }
 
 /// A hand, prepared for the search.
@@ -458,8 +456,7 @@ mod tests {
         let judge = Judge::new(&checkpoint::read(&weights).unwrap(), &gripper, &Grid::PAPER).unwrap();
         let field = field();
         let tips_m = |off_m: Option<Vec3>| -> Vec<Vec3> {
-            let seen =
-                ObservedScene { field: &field, fine: None, views: 6, reach_m: field.lattice.corners_m(), known: &[] };
+            let seen = ObservedScene { field: &field, fine: None, views: 6, reach_m: field.lattice.corners_m() };
             let better = |hand: &Grasp| {
                 let pose = hand.workspace_from_grasp;
                 let moved = |off_m: Vec3| Pose { translation: pose.translation + off_m, ..pose };

@@ -122,30 +122,6 @@ impl SurfaceBlocks {
         Self { lattice, counts, places, values: vec![0.0; numbers.len() * VALUES], numbers }
     }
 
-    /// The same with more blocks, whose values are 0; and of each block its place before, if it had values. `None` if
-    /// none of these is new.
-    pub(crate) fn with_more(&self, is_needed: &[bool]) -> Option<(Self, Vec<Option<usize>>)> {
-        let had = |number: usize| self.places[number] != NONE;
-        let all: Vec<bool> = is_needed.iter().enumerate().map(|(number, more)| *more || had(number)).collect();
-        let mut blocks = Self::new(self.lattice, &all);
-        if blocks.len() == self.len() {
-            return None;
-        }
-        let place = |number: &usize| had(*number).then_some(self.places[*number] as usize);
-        let places: Vec<Option<usize>> = blocks.numbers.iter().map(place).collect();
-        for (values, place) in blocks.values.chunks_exact_mut(VALUES).zip(&places) {
-            if let Some(place) = place {
-                values.copy_from_slice(&self.values[place * VALUES..(place + 1) * VALUES]);
-            }
-        }
-        Some((blocks, places))
-    }
-
-    /// The number of blocks with values.
-    pub(crate) fn len(&self) -> usize {
-        self.numbers.len()
-    }
-
     /// Each block with values: its own lattice, and the values.
     pub(crate) fn parts(&self) -> impl Iterator<Item = (Lattice, &[f32])> {
         self.numbers.iter().map(|number| self.lattice_of(*number)).zip(self.values.chunks_exact(VALUES))

@@ -4,14 +4,13 @@
 //! past all of them. Which of both holds is told by the least and the largest depth in squares of pixels.
 
 use core::ops::Range;
-use std::borrow::Cow;
 
 use rayon::prelude::*;
 use schema::{Camera, DepthImage, Intrinsics, Lattice, Mat3, Pose, Vec3, VoxelGrid};
 use wide::f32x4;
 
 use crate::blocks::{CELLS, SurfaceBlocks, VALUES, VOXELS, block_counts};
-use crate::seen::{ScaledView, SeenPoint, seen_above, stride_px};
+use crate::seen::{ScaledView, SeenPoint, stride_px};
 use crate::tsdf::{stored, truncation_m};
 
 /// Voxels of a brick of a grid along x, y and z; lines along z are the longest runs of memory.
@@ -32,32 +31,12 @@ pub const COLUMNS_PX: usize = 320;
 /// If the truncation is not above 0.
 #[must_use]
 pub fn fuse_images(lattice: impl Into<Lattice>, truncation_voxels: f32, views: &[(Camera, &DepthImage)]) -> VoxelGrid {
-    Sights::new(&unscaled(views)).fuse(lattice.into(), truncation_voxels)
-}
-
-/// The same field, but only in blocks near something that was seen above a height of `above_m`: elsewhere all voxels
-/// are stored as 0.
-///
-/// # Panics
-/// If the truncation is not above 0.
-#[must_use]
-pub fn fuse_blocks(
-    lattice: &Lattice,
-    truncation_voxels: f32,
-    above_m: f32,
-    views: &[(Camera, &DepthImage)],
-) -> SurfaceBlocks {
-    let views = unscaled(views);
-    let seen: Vec<Vec<SeenPoint>> = views.par_iter().map(|view| seen_above(view, COLUMNS_PX, above_m)).collect();
-    Sights::new(&views).fuse_near(lattice, truncation_voxels, &seen)
-}
-
-fn unscaled<'a>(views: &[(Camera, &'a DepthImage)]) -> Vec<ScaledView<'a>> {
-    views.iter().map(|(camera, image)| (*camera, *image, 1.0)).collect()
+    let views: Vec<ScaledView<'_>> = views.iter().map(|(camera, image)| (*camera, *image, 1.0)).collect();
+    Sights::new(&views).fuse(lattice.into(), truncation_voxels)
 }
 
 /// Views, ready to be fused.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug)]
 pub struct Sights<'a>(Vec<Sight<'a>>);
 
 impl<'a> Sights<'a> {
@@ -67,18 +46,6 @@ impl<'a> Sights<'a> {
         Self(views.par_iter().map(Sight::new).collect())
     }
 
-    /// The same with images of their own.
-    #[must_use]
-    pub fn into_owned(self) -> Sights<'static> {
-        Sights(self.0.into_iter().map(Sight::into_owned).collect())
-    }
-
-    /// Adds the views of `more`, and forgets the oldest ones beyond the last `count`.
-    pub fn extend(&mut self, more: Self, count: usize) {
-        self.0.extend(more.0);
-        self.0.drain(..self.0.len().saturating_sub(count));
-    }
-
     /// As [`fuse_images`].
     ///
     /// # Panics
@@ -86,33 +53,17 @@ impl<'a> Sights<'a> {
     #[must_use]
     pub fn fuse(&self, lattice: Lattice, truncation_voxels: f32) -> VoxelGrid {
         let mut field = VoxelGrid { lattice, values: vec![0.0; lattice.len()] };
-        let mut bricks = vec![Brick::default(); brick_counts(&lattice).iter().product()];
-        self.fuse_into(&mut field, &mut bricks, truncation_voxels, Keeping::Nothing);
-        field
-    }
-
-    /// Adds the views to a field of which `bricks` has what was fused before; elsewhere its values stay.
-    pub(crate) fn fuse_into(
-        &self,
-        field: &mut VoxelGrid,
-        bricks: &mut [Brick],
-        truncation_voxels: f32,
-        keeping: Keeping,
-    ) {
-        let lattice = field.lattice;
         let truncation_m = truncation_m(&lattice, truncation_voxels);
         let [_, width, height] = lattice.counts;
-        let [_, bricks_y, bricks_z] = brick_counts(&lattice);
-        let slabs = field.values.par_chunks_mut((BRICK[0] * width * height).max(1));
-        let slabs = slabs.zip(bricks.par_chunks_mut((bricks_y * bricks_z).max(1))).enumerate();
-        slabs.for_each_init(Scratch::default, |scratch, (slab, (values, bricks))| {
+        let slabs = field.values.par_chunks_mut((BRICK[0] * width * height).max(1)).enumerate();
+        slabs.for_each_init(Scratch::default, |scratch, (slab, values)| {
             let first = slab * BRICK[0];
             let along_x = first..(first + BRICK[0]).min(lattice.counts[0]);
             let starts = (0..width).step_by(BRICK[1]).flat_map(|j| (0..height).step_by(BRICK[2]).map(move |k| [j, k]));
-            for ([j, k], kept) in starts.zip(bricks) {
+            for [j, k] in starts {
                 let (along_y, along_z) = (j..(j + BRICK[1]).min(width), k..(k + BRICK[2]).min(height));
                 let brick = [along_x.clone(), along_y.clone(), along_z.clone()];
-                if !scratch.fuse(&self.0, &lattice, &brick, truncation_m, kept, keeping) {
+                if !scratch.fuse(&self.0, &lattice, &brick, truncation_m) {
                     continue;
                 }
                 let lines = along_x.clone().flat_map(|i| along_y.clone().map(move |j| [i - first, j]));
@@ -122,6 +73,7 @@ impl<'a> Sights<'a> {
                 }
             }
         });
+        field
     }
 
     /// The same only in blocks near what was seen, elsewhere all voxels are stored as 0; `seen` has each view's points,
@@ -133,34 +85,19 @@ impl<'a> Sights<'a> {
     pub fn fuse_near(&self, lattice: &Lattice, truncation_voxels: f32, seen: &[Vec<SeenPoint>]) -> SurfaceBlocks {
         let truncation_m = truncation_m(lattice, truncation_voxels);
         let mut blocks = SurfaceBlocks::new(*lattice, &self.near_surfaces(lattice, truncation_m, seen));
-        let mut bricks = vec![Brick::default(); blocks.len()];
-        self.fuse_blocks_into(&mut blocks, &mut bricks, truncation_voxels, &Self::default(), Keeping::Nothing);
-        blocks
-    }
-
-    /// As [`Self::fuse_into`], for blocks. New ones are first given what `older` views see.
-    pub(crate) fn fuse_blocks_into(
-        &self,
-        blocks: &mut SurfaceBlocks,
-        bricks: &mut [Brick],
-        truncation_voxels: f32,
-        older: &Self,
-        keeping: Keeping,
-    ) {
         let (lattices, values) = blocks.parts_mut();
         let all = [0..VOXELS, 0..VOXELS, 0..VOXELS];
-        let blocks = values.par_chunks_mut(VALUES).zip(lattices).zip(bricks).with_min_len(8);
-        blocks.for_each_init(Scratch::default, |scratch, ((values, lattice), kept)| {
-            let truncation_m = truncation_m(&lattice, truncation_voxels);
-            let has_older = kept.is_new() && scratch.fuse(&older.0, &lattice, &all, truncation_m, kept, keeping);
-            if scratch.fuse(&self.0, &lattice, &all, truncation_m, kept, keeping) || has_older {
+        let parts = values.par_chunks_mut(VALUES).zip(lattices).with_min_len(8);
+        parts.for_each_init(Scratch::default, |scratch, (values, lattice)| {
+            if scratch.fuse(&self.0, &lattice, &all, truncation_m) {
                 values.chunks_mut(VOXELS).enumerate().for_each(|(line, values)| scratch.store(line, values));
             }
         });
+        blocks
     }
 
     /// Of each block of a lattice, whether something was seen within the truncation of it.
-    pub(crate) fn near_surfaces(&self, lattice: &Lattice, truncation_m: f32, seen: &[Vec<SeenPoint>]) -> Vec<bool> {
+    fn near_surfaces(&self, lattice: &Lattice, truncation_m: f32, seen: &[Vec<SeenPoint>]) -> Vec<bool> {
         let counts = block_counts(lattice);
         let block_m = CELLS as f32 * lattice.voxel_size_m;
         let last = Vec3::from_array(counts.map(|count| count as f32));
@@ -199,36 +136,8 @@ impl<'a> Sights<'a> {
     }
 }
 
-/// Whether bricks remember what was fused into them, for more views.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Keeping {
-    Nothing,
-    Voxels,
-}
-
-/// What was fused into a brick.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Brick {
-    /// Views that saw nothing of it, and views that were all before what they saw, while these were the only ones.
-    nothing: u32,
-    before: u32,
-    /// Its voxels, if other views saw it.
-    voxels: Vec<Voxels>,
-}
-
-impl Brick {
-    fn is_new(&self) -> bool {
-        self.nothing + self.before == 0 && self.voxels.is_empty()
-    }
-}
-
-/// Bricks along x, y and z of a lattice.
-pub(crate) fn brick_counts(lattice: &Lattice) -> [usize; 3] {
-    [0, 1, 2].map(|axis| lattice.counts[axis].div_ceil(BRICK[axis]))
-}
-
 /// The least and the largest depth in squares of an image's pixels.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct Tiles {
     columns: usize,
     /// Minus infinity where a pixel of the square saw nothing.
@@ -286,10 +195,10 @@ enum Sighting {
 }
 
 /// A view, ready to be fused.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct Sight<'a> {
     lens: Intrinsics,
-    image: Cow<'a, DepthImage>,
+    image: &'a DepthImage,
     /// Depths are divided by this.
     factor: f32,
     camera_from_workspace: Pose,
@@ -301,24 +210,20 @@ struct Sight<'a> {
 }
 
 impl<'a> Sight<'a> {
-    fn new((camera, image, factor): &ScaledView<'a>) -> Self {
+    fn new(&(camera, image, factor): &ScaledView<'a>) -> Self {
         let lens = camera.intrinsics;
         let square = |x: f32| x * x;
         let camera_from_workspace = camera.workspace_from_camera.inverse();
         Self {
             lens,
-            image: Cow::Borrowed(*image),
-            factor: *factor,
+            image,
+            factor,
             camera_from_workspace,
             turn: Mat3::from_quat(camera_from_workspace.rotation),
             ray_x2: (0..lens.width_px).map(|u| square(lens.ray([u, 0]).x)).collect(),
             ray_y2: (0..lens.height_px).map(|v| square(lens.ray([0, v]).y)).collect(),
-            tiles: Tiles::new(image, *factor),
+            tiles: Tiles::new(image, factor),
         }
-    }
-
-    fn into_owned(self) -> Sight<'static> {
-        Sight { image: Cow::Owned(self.image.into_owned()), ..self }
     }
 
     fn sighting(&self, lattice: &Lattice, brick: &[Range<usize>; 3], truncation_m: f32) -> Sighting {
@@ -396,45 +301,24 @@ struct Voxels {
 }
 
 impl Scratch {
-    /// Adds views to what was fused into a brick; false if the stored values of its voxels stay: 0 before the first.
-    fn fuse(
-        &mut self,
-        sights: &[Sight],
-        lattice: &Lattice,
-        brick: &[Range<usize>; 3],
-        truncation_m: f32,
-        kept: &mut Brick,
-        keeping: Keeping,
-    ) -> bool {
+    /// Fuses what views say of a brick's voxels; false if all of them are stored as 0.
+    fn fuse(&mut self, sights: &[Sight], lattice: &Lattice, brick: &[Range<usize>; 3], truncation_m: f32) -> bool {
         self.sightings.clear();
         self.sightings.extend(sights.iter().map(|sight| sight.sighting(lattice, brick, truncation_m)));
         // What is before everything seen, or behind it, is stored as 0.
-        if kept.voxels.is_empty() && !self.sightings.contains(&Sighting::Mixed) {
-            let before = self.sightings.iter().filter(|sighting| **sighting == Sighting::Before).count();
-            kept.before += before as u32;
-            kept.nothing += (sights.len() - before) as u32;
-            return false;
-        }
-        if self.sightings.iter().all(|sighting| *sighting == Sighting::Nothing) {
+        if !self.sightings.contains(&Sighting::Mixed) {
             return false;
         }
         self.set_lines(lattice, brick);
         self.voxels.clear();
-        self.voxels.extend_from_slice(&kept.voxels);
-        if kept.voxels.is_empty() {
-            let nothing = Voxels { mean: f32x4::ZERO, weight: f32x4::ZERO };
-            self.voxels.resize(self.lines_m.len() * brick[2].len(), nothing);
-            (0..kept.before).for_each(|_| self.voxels.iter_mut().for_each(Voxels::add_before));
-        }
+        let nothing = Voxels { mean: f32x4::ZERO, weight: f32x4::ZERO };
+        self.voxels.resize(self.lines_m.len() * brick[2].len(), nothing);
         for (place, sight) in sights.iter().enumerate() {
             match self.sightings[place] {
                 Sighting::Nothing => {}
                 Sighting::Before => self.voxels.iter_mut().for_each(Voxels::add_before),
                 Sighting::Mixed => self.add(sight, lattice, brick, truncation_m),
             }
-        }
-        if keeping == Keeping::Voxels {
-            kept.voxels.clone_from(&self.voxels);
         }
         true
     }

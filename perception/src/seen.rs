@@ -17,25 +17,9 @@ pub(crate) fn stride_px(image: &DepthImage, columns_px: usize) -> usize {
     image.width_px.div_ceil(columns_px).max(1)
 }
 
-/// The points that a view saw, in the frame of its pose in metres, and their depths: of about `columns_px` pixels along
-/// the image's width and of rows as far apart. Pixels without a depth have none.
-pub fn seen_points<'a>(
-    camera: &Camera,
-    image: &'a DepthImage,
-    columns_px: usize,
-) -> impl Iterator<Item = SeenPoint> + use<'a> {
-    let (stride, lens, eye_m) =
-        (stride_px(image, columns_px), camera.intrinsics, camera.workspace_from_camera.translation);
-    let turn = Mat3::from_quat(camera.workspace_from_camera.rotation);
-    let rows = (0..image.height_px).step_by(stride);
-    let pixels = rows.flat_map(move |v| (0..image.width_px).step_by(stride).map(move |u| [u, v]));
-    pixels.filter_map(move |pixel| {
-        let depth_m = image.at(pixel).filter(|depth_m| depth_m.is_finite())?;
-        Some((eye_m + turn * lens.ray(pixel) * depth_m, depth_m))
-    })
-}
-
-/// Those of [`seen_points`] that are no lower than `above_m`, on all threads; depths are divided by the view's factor.
+/// The points that a view saw no lower than `above_m`, in the frame of its pose, and their depths, which are divided by
+/// the view's factor, on all threads: of about `columns_px` pixels along the image's width and of rows as far apart.
+/// Pixels without a depth have none.
 #[must_use]
 pub fn seen_above((camera, image, factor): &ScaledView<'_>, columns_px: usize, above_m: f32) -> Vec<SeenPoint> {
     let (stride, lens, eye_m) =

@@ -1,8 +1,8 @@
 //! Compares the field with a slow, obvious implementation: f64, voxel by voxel, explicit matrices, no shared code.
 
 use perception::{
-    COLUMNS_PX, DepthNoise, DexNoise, Field as _, KeptFields, ScaledView, Sights, TRUNCATION_VOXELS, Tsdf,
-    add_depth_noise, camera_at, draw_views, fuse_blocks, fuse_images, seen_above, surface_cloud, surface_of_blocks,
+    COLUMNS_PX, DepthNoise, DexNoise, Field as _, ScaledView, Sights, TRUNCATION_VOXELS, Tsdf, add_depth_noise,
+    camera_at, draw_views, fuse_images, seen_above, surface_cloud, surface_of_blocks,
 };
 use proptest::prelude::*;
 use schema::{Camera, DepthImage, Grid, Intrinsics, Lattice, Purpose, Stream, Vec3, ViewParams};
@@ -182,10 +182,10 @@ fn blocks_are_the_field_where_it_has_values() {
         let views = draw_views(&params, &grid, &mut Stream::new(seed, 2, Purpose::Views, 0));
         let views: Vec<(Camera, &DepthImage)> =
             views.iter().zip(&images).map(|(view, image)| (camera_at(view, &grid, lens), image)).collect();
-        let (dense, blocks) = (
-            fuse_images(lattice, TRUNCATION_VOXELS, &views),
-            fuse_blocks(&lattice, TRUNCATION_VOXELS, f32::NEG_INFINITY, &views),
-        );
+        let dense = fuse_images(lattice, TRUNCATION_VOXELS, &views);
+        let views: Vec<ScaledView<'_>> = views.iter().map(|(camera, image)| (*camera, *image, 1.0)).collect();
+        let seen: Vec<_> = views.iter().map(|view| seen_above(view, COLUMNS_PX, f32::NEG_INFINITY)).collect();
+        let blocks = Sights::new(&views).fuse_near(&lattice, TRUNCATION_VOXELS, &seen);
         let mut off = 0;
         for flat in 0..lattice.len() {
             let voxel = lattice.voxel(flat);
@@ -200,31 +200,6 @@ fn blocks_are_the_field_where_it_has_values() {
         let [all, own] = [surface_cloud(&dense, 0.0025).len(), surface_of_blocks(&blocks, 0.0025).len()];
         assert!(all > 3_000 && all.abs_diff(own) * 200 < all, "{all} points, {own} of blocks");
     }
-}
-
-/// Views that are added one after the other give the bits of all of them at once.
-#[test]
-fn a_kept_field_is_that_of_all_its_views() {
-    let (grid, lens) = (Grid::PAPER, Intrinsics::VGN);
-    let coarse = Lattice { low_m: Vec3::new(-0.06, 0.03, -0.015), counts: [43, 26, 31], ..grid.into() };
-    let fine = Lattice { counts: [129, 78, 93], voxel_size_m: 0.0025, ..coarse };
-    let params = ViewParams { counts: [5, 5], polar_rad: [0.0, 1.4], ..ViewParams::VGN };
-    let images: Vec<DepthImage> = (0..5).map(|seed| lumpy_image(&lens, seed)).collect();
-    let views = draw_views(&params, &grid, &mut Stream::new(7, 2, Purpose::Views, 0));
-    let views: Vec<ScaledView<'_>> =
-        views.iter().zip(&images).map(|(view, image)| (camera_at(view, &grid, lens), image, 1.01)).collect();
-    let seen: Vec<_> = views.iter().map(|view| seen_above(view, COLUMNS_PX, 0.06)).collect();
-    let mut kept = KeptFields::new(coarse, Some(fine), TRUNCATION_VOXELS);
-    for count in 0..=views.len() {
-        if let Some(before) = count.checked_sub(1) {
-            let [older, new] = [&views[..before], &views[before..count]].map(Sights::new);
-            kept.add(&older, &new, &seen[before..count]);
-        }
-        let all = Sights::new(&views[..count]);
-        assert_eq!(*kept.coarse(), all.fuse(coarse, TRUNCATION_VOXELS));
-        assert_eq!(*kept.fine().unwrap(), all.fuse_near(&fine, TRUNCATION_VOXELS, &seen[..count]));
-    }
-    assert!(kept.coarse().values.iter().filter(|value| **value > 0.0).count() > 5_000);
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use core::f32::consts::PI;
 use std::borrow::Cow;
 
-use perception::{PlaneParams, TableCandidate, find_plane, find_tables, seen_points};
+use perception::{PlaneParams, TableCandidate, find_plane, find_tables, seen_above};
 use rayon::prelude::*;
 use schema::{Grid, Mat3, Plane, Pose, Purpose, Quat, Stream, Vec3, pose_from_parts};
 
@@ -83,15 +83,12 @@ fn describe(plane: &Plane) -> String {
 /// [`InputError`] if it is a TSDF.
 pub(crate) fn shown_m(observation: &Observation) -> Result<Cow<'_, [Vec3]>, InputError> {
     match observation {
-        Observation::Views(views) => Ok(shown_by(views).into()),
+        Observation::Views(views) => {
+            Ok(views.iter().flat_map(|view| seen_m(view, COLUMNS_PX)).collect::<Vec<_>>().into())
+        }
         Observation::Cloud { points_m, .. } => Ok(points_m.into()),
         Observation::Tsdf(_) => refuse("in a TSDF the table is at its height, and cannot be found: tsdf"),
     }
-}
-
-/// The same of views.
-pub(crate) fn shown_by(views: &[View]) -> Vec<Vec3> {
-    views.iter().flat_map(|view| seen_m(view, COLUMNS_PX)).collect()
 }
 
 /// Finds the table among points and puts the workspace on it: z along its normal, x along the camera's, what stands
@@ -123,19 +120,14 @@ pub(crate) fn find(points_m: &[Vec3], wanted: &FindTable, grid: &Grid, seed: u64
     Ok(FoundTable { candidates, workspace_from_first })
 }
 
-/// Views in another frame.
-pub(crate) fn move_views(views: &mut [View], target_from_source: &Pose) {
-    for view in views {
-        view.camera.workspace_from_camera = *target_from_source * view.camera.workspace_from_camera;
-    }
-}
-
 /// An observation in another frame.
 pub(crate) fn moved(observation: &Observation, target_from_source: &Pose) -> Observation {
     match observation {
         Observation::Views(views) => {
             let mut views = views.clone();
-            move_views(&mut views, target_from_source);
+            for View { camera, .. } in &mut views {
+                camera.workspace_from_camera = *target_from_source * camera.workspace_from_camera;
+            }
             Observation::Views(views)
         }
         Observation::Cloud { points_m, eyes_m } => {
@@ -150,7 +142,8 @@ pub(crate) fn moved(observation: &Observation, target_from_source: &Pose) -> Obs
 
 /// What a view shows, in the frame of its pose.
 fn seen_m(view: &View, columns_px: usize) -> Vec<Vec3> {
-    seen_points(&view.camera, &view.image, columns_px).map(|(at_m, _)| at_m).collect()
+    let seen = seen_above(&(view.camera, &view.image, 1.0), columns_px, f32::NEG_INFINITY);
+    seen.into_iter().map(|(at_m, _)| at_m).collect()
 }
 
 /// A camera's axes.
@@ -294,7 +287,7 @@ pub(crate) fn doubts(
 }
 
 /// Warnings for views whose poses or lenses disagree with what they show; one for all views with the same fault.
-pub(crate) fn disagreements(views: &[View], base_from_workspace: Option<Pose>, grid: &Grid, seed: u64) -> Vec<String> {
+fn disagreements(views: &[View], base_from_workspace: Option<Pose>, grid: &Grid, seed: u64) -> Vec<String> {
     let of_view = |view: &View| [misplaced(view, base_from_workspace, grid, seed), other_lens(view)];
     let found: Vec<[Option<String>; 2]> = views.par_iter().map(of_view).collect();
     let mut warnings: Vec<String> = Vec::new();

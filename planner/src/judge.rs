@@ -11,10 +11,6 @@ use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::timing::{Timings, timed};
 use crate::volume::Workspace;
 
-/// So many hands above this quality, the best ones, are looked at first when the scene is seen again.
-const KNOWN: usize = 12;
-const PROMISING: f32 = 0.3;
-
 /// A judge, and the workspace in which it was trained.
 #[derive(Debug)]
 pub(crate) struct JudgeMethod {
@@ -124,7 +120,5 @@ fn selected(hands: &[ScoredGrasp], proposed: usize, request: &Request<'_>) -> Ca
         Stage::new("judged", hands.len(), request.none_proposed()),
         Stage::new("quality_reached", reached, none_reached),
     ];
-    let promising = hands.iter().filter(|judged| judged.quality() > PROMISING).take(KNOWN);
-    let known = promising.map(|judged| judged.grasp).collect();
-    Candidates { grasps, dropped, stages, known }
+    Candidates { grasps, dropped, stages }
 }

@@ -20,7 +20,6 @@ mod frame;
 pub mod hand;
 pub mod input;
 mod judge;
-mod kept;
 mod limits;
 mod method;
 mod observation;
@@ -37,7 +36,6 @@ mod width;
 
 pub use config::{BuiltIn, Config, Policy};
 pub use frame::FoundTable;
-pub use kept::KeptScene;
 pub use limits::WillDo;
 pub use observation::{
     Ball, Cone, FindTable, Limits, Mask, Observation, PlanOptions, PoseKey, Target, View, WORKSPACE_M, plane,

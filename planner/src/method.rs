@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use grasps::ObservedScene;
-use schema::{Grasp, Pose};
+use schema::Pose;
 
 use crate::config::Config;
 use crate::hand::are_alike;
@@ -109,8 +109,6 @@ pub(crate) struct Candidates {
     pub(crate) dropped: Vec<DroppedCandidate>,
     /// In their order.
     pub(crate) stages: Vec<Stage>,
-    /// Hands that are worth a look when the scene is seen again.
-    pub(crate) known: Vec<Grasp>,
 }
 
 impl Candidates {

@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use grasps::{Judge, ObservedScene};
 use network::{Architecture, checkpoint};
 use program::Failure;
-use schema::{Grasp, Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
+use schema::{Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
 
 use crate::config::{BuiltIn, Config, Policy, WithoutObject};
 use crate::frame::{self, FoundTable};
@@ -21,26 +21,9 @@ use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, Segmente
 use crate::rank;
 use crate::segment::{Segments, segment};
 use crate::timing::{Timings, timed};
-use crate::volume::{Volume, Workspace, fuse};
+use crate::volume::fuse;
 use crate::voxel::VoxelMethod;
 use crate::width::Widths;
-
-/// Makes the fields of an observation.
-type Fused<'a> = dyn FnMut(&Workspace) -> Result<Volume, InputError> + 'a;
-
-/// What a plan is made from, besides its fields.
-pub(crate) struct Sight<'a> {
-    /// Depth images, in the workspace; none of a cloud or a TSDF.
-    pub(crate) views: Option<&'a [View]>,
-    /// The number of views, as far as it is known.
-    pub(crate) view_count: usize,
-    /// Where it was found.
-    pub(crate) table: Option<FoundTable>,
-    /// Hands that were good in an earlier plan.
-    pub(crate) known: &'a [Grasp],
-    pub(crate) timings_ms: Timings,
-    pub(crate) warnings: Vec<String>,
-}
 
 /// A network's file, and its path in the source tree.
 type Weights = (&'static [u8], &'static str);
@@ -177,46 +160,31 @@ impl Planner {
         will_do: &WillDo<'_>,
     ) -> Result<Plan, InputError> {
         let (seed, mut timings_ms) = (self.config.seed, Vec::new());
-        let (table, warnings) = match &options.find_table {
-            None => (None, frame::doubts(observation, options.base_from_workspace, &self.grid, seed)),
-            Some(wanted) => {
-                let found = timed(&mut timings_ms, "table", || {
-                    frame::find(&frame::shown_m(observation)?, wanted, &self.grid, seed)
-                })?;
-                let warnings = found.warning().into_iter().collect();
-                (Some(found), warnings)
-            }
+        let mut warnings: Vec<String> = self.warning.iter().cloned().collect();
+        let Some(wanted) = &options.find_table else {
+            warnings.extend(frame::doubts(observation, options.base_from_workspace, &self.grid, seed));
+            return self.plan_in(observation, None, options, will_do, timings_ms, warnings);
         };
-        let moved = table.as_ref().map(|found| frame::moved(observation, &found.workspace_from_first));
-        let observation = moved.as_ref().unwrap_or(observation);
-        let sight = Sight {
-            views: observation.images(),
-            view_count: observation.views(),
-            table,
-            known: &[],
-            timings_ms,
-            warnings,
-        };
-        let fused = &mut |workspace: &Workspace| fuse(observation, workspace, self.config.cloud);
-        self.plan_seen(sight, options, will_do, fused).map(|(plan, _)| plan)
+        let found =
+            timed(&mut timings_ms, "table", || frame::find(&frame::shown_m(observation)?, wanted, &self.grid, seed))?;
+        warnings.extend(found.warning());
+        let (observation, options) =
+            (frame::moved(observation, &found.workspace_from_first), options.seen_from(found.workspace_from_first));
+        self.plan_in(&observation, Some(found), &options, will_do, timings_ms, warnings)
     }
 
-    /// Plans from what was seen, whose fields `fused` makes; beside the plan the hands that may be good when the scene
-    /// is seen again.
-    pub(crate) fn plan_seen(
+    /// The same of an observation in the workspace, on the table that was found if it was asked for.
+    fn plan_in(
         &self,
-        sight: Sight<'_>,
+        observation: &Observation,
+        table: Option<FoundTable>,
         options: &PlanOptions,
         will_do: &WillDo<'_>,
-        fused: &mut Fused<'_>,
-    ) -> Result<(Plan, Vec<Grasp>), InputError> {
-        let Sight { views, view_count, table, known, mut timings_ms, mut warnings } = sight;
-        warnings.splice(0..0, self.warning.clone());
-        let found = options.find_table.and(table.as_ref());
-        let seen_from = found.map(|found| options.seen_from(found.workspace_from_first));
-        let options = seen_from.as_ref().unwrap_or(options);
-        let workspace = self.method.workspace(&self.config, options);
-        let mut volume = timed(&mut timings_ms, "fuse", || fused(&workspace))?;
+        mut timings_ms: Timings,
+        mut warnings: Vec<String>,
+    ) -> Result<Plan, InputError> {
+        let (views, workspace) = (observation.images(), self.method.workspace(&self.config, options));
+        let mut volume = timed(&mut timings_ms, "fuse", || fuse(observation, &workspace, self.config.cloud))?;
         let (rendered, table_z_m) = (take(&mut volume.rendered), volume.grid.lattice.table_z_m);
         let shown = views.unwrap_or(&rendered);
         let walls = match self.config.collision.walls {
@@ -243,14 +211,13 @@ impl Planner {
         let limiter = Limiter::new(&options.limits, &self.config, target_points, walls, &in_sight, will_do);
         let observed = ObservedScene {
             field: &volume.grid,
-            fine: volume.fine.as_deref(),
-            views: view_count,
+            fine: volume.fine.as_ref(),
+            views: observation.views(),
             reach_m: volume.reach_m,
-            known,
         };
         let request = Request { config: &self.config, options, limiter: &limiter, widths: &widths };
         let (scene, mut segment_ms) = (scene_number(&volume.grid), Vec::new());
-        let (mut candidates, segments) = rayon::join(
+        let (candidates, segments) = rayon::join(
             || self.method.candidates(observed, scene, &request, &mut timings_ms),
             || {
                 let segmented = || segments.unwrap_or_else(|| segment(volume.points_m, &self.config));
@@ -263,13 +230,12 @@ impl Planner {
             None => table.as_ref().map(|found| found.workspace_from_first),
         };
         let seen = Seen { region: volume.grid.lattice, scene, workspace_from_first, table };
-        let known = take(&mut candidates.known);
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(candidates, segments, seen, &request));
         warnings.extend(views.into_iter().flat_map(|views| frame::cut(views, volume.reach_m, table_z_m)));
         warnings.extend(volume.warnings);
         plan.warnings.splice(0..0, warnings);
         plan.timings_ms = timings_ms;
-        Ok((plan, known))
+        Ok(plan)
     }
 
     fn rank(&self, mut candidates: Candidates, (cloud, objects): Segments, seen: Seen, request: &Request<'_>) -> Plan {
@@ -289,7 +255,7 @@ impl Planner {
         candidates.drop_where(|ranked| {
             rank::is_left_out(ranked, policy, &self.config.ranking).then_some(RejectReason::NoObject)
         });
-        let Candidates { mut grasps, mut dropped, mut stages, .. } = candidates;
+        let Candidates { mut grasps, mut dropped, mut stages } = candidates;
         request.widths.measure(&mut grasps);
         rank::order(&mut grasps, policy, Stream::new(self.config.seed, seen.scene, Purpose::Ranking, 0));
         let beyond = grasps.split_off(grasps.len().min(options.grasps_max.unwrap_or(usize::MAX)));

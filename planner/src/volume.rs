@@ -1,7 +1,5 @@
 //! From an observation to the inputs of planning: the grid for the network and the cloud for the objects.
 
-use std::sync::Arc;
-
 use perception::{
     COLUMNS_PX, NEAR_M, ScaledView, SeenPoint, Sights, SurfaceBlocks, TRUNCATION_VOXELS, cloud_image, depth_factor,
     seen_above, surface_beside, surface_cloud, surface_of_blocks, table_around, thinned, view_from,
@@ -23,16 +21,6 @@ pub enum Workspace {
     Seen([Vec3; 2], Grid),
 }
 
-impl Workspace {
-    /// The part of it that a grid is made of, by what views show above the table.
-    pub(crate) fn region(&self, above: &[Vec<SeenPoint>]) -> Region {
-        match self {
-            Self::Cube(grid) => Region::cube(grid),
-            Self::Seen(within_m, grid) => Region::of_views(above, *within_m, grid),
-        }
-    }
-}
-
 /// A fused observation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Volume {
@@ -41,30 +29,13 @@ pub struct Volume {
     /// Surface points in the workspace, at the config's pitch where the observation is dense enough.
     pub points_m: Vec<Vec3>,
     /// The finer TSDF whose surface they are, if it is not `grid`.
-    pub fine: Option<Arc<SurfaceBlocks>>,
+    pub fine: Option<SurfaceBlocks>,
     /// The lower and the upper corner of the box in which grasps are looked for, in metres.
     pub reach_m: [Vec3; 2],
     /// The images as which a cloud was fused.
     pub rendered: Vec<View>,
     /// Warnings for the caller.
     pub warnings: Vec<String>,
-}
-
-impl Volume {
-    /// That of depth images whose fields these are.
-    pub(crate) fn of_fields(
-        grid: VoxelGrid,
-        fine: Option<Arc<SurfaceBlocks>>,
-        reach_m: [Vec3; 2],
-        params: CloudParams,
-        warnings: Vec<String>,
-    ) -> Self {
-        let mut points_m = surface_beside(&grid, fine.as_deref(), params.pitch_m);
-        if let Some(fine) = &fine {
-            points_m.append(&mut surface_of_blocks(fine, params.pitch_m));
-        }
-        Self { grid, points_m, fine, reach_m, rendered: Vec::new(), warnings }
-    }
 }
 
 /// Fuses an observation in a workspace; its cloud has a pitch of `params.pitch_m`. For depth images the cloud comes
@@ -81,11 +52,16 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
             let mut warnings = Vec::new();
             let views = scaled(views, workspace, params, &mut warnings);
             let above = seen_off_table(workspace, &views);
-            let region = workspace.region(&above);
+            let Region { lattice, reach_m } = match workspace {
+                Workspace::Cube(grid) => Region::cube(grid),
+                Workspace::Seen(within_m, grid) => Region::of_views(&above, *within_m, grid),
+            };
             let sights = Sights::new(&views);
-            let voxels = sights.fuse(region.lattice, TRUNCATION_VOXELS);
-            let fine = fuse_finely(&region.lattice, params, &above, &sights);
-            Ok(Volume::of_fields(voxels, fine, region.reach_m, params, warnings))
+            let grid = sights.fuse(lattice, TRUNCATION_VOXELS);
+            let fine = fuse_finely(&lattice, params, &above, &sights);
+            let mut points_m = surface_beside(&grid, fine.as_ref(), params.pitch_m);
+            points_m.extend(fine.iter().flat_map(|fine| surface_of_blocks(fine, params.pitch_m)));
+            Ok(Volume { grid, points_m, fine, reach_m, rendered: Vec::new(), warnings })
         }
         Observation::Tsdf(given) => {
             let wanted = Lattice::from(*grid);
@@ -105,34 +81,30 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
 }
 
 /// What views show above the table.
-pub(crate) fn seen_off_table(workspace: &Workspace, views: &[ScaledView<'_>]) -> Vec<Vec<SeenPoint>> {
+fn seen_off_table(workspace: &Workspace, views: &[ScaledView<'_>]) -> Vec<Vec<SeenPoint>> {
     let (Workspace::Cube(grid) | Workspace::Seen(_, grid)) = workspace;
     views.par_iter().map(|view| seen_above(view, COLUMNS_PX, grid.table_z_m + ROUGH_M)).collect()
 }
 
-/// The finer TSDF of what views show above the table: the bare table is as good in coarse voxels.
+/// The finer TSDF of what views show above the table, if the settings want one: the bare table is as good in coarse
+/// voxels.
 fn fuse_finely(
     lattice: &Lattice,
     params: CloudParams,
     above: &[Vec<SeenPoint>],
     sights: &Sights<'_>,
-) -> Option<Arc<SurfaceBlocks>> {
-    fine_lattice(lattice, params).map(|fine| Arc::new(sights.fuse_near(&fine, TRUNCATION_VOXELS, above)))
+) -> Option<SurfaceBlocks> {
+    let share = params.resolution as f32 / Grid::PAPER.resolution as f32;
+    let counts = lattice.counts.map(|count| (count as f32 * share).round() as usize);
+    let fine = Lattice { counts, voxel_size_m: lattice.voxel_size_m / share, ..*lattice };
+    (params.resolution != Grid::PAPER.resolution).then(|| sights.fuse_near(&fine, TRUNCATION_VOXELS, above))
 }
 
 /// What is seen no higher than this above the table's height is the table.
 const ROUGH_M: f32 = 0.004;
 
-/// The voxels of the finer TSDF of a region, if there is one.
-pub(crate) fn fine_lattice(lattice: &Lattice, params: CloudParams) -> Option<Lattice> {
-    let share = params.resolution as f32 / Grid::PAPER.resolution as f32;
-    let counts = lattice.counts.map(|count| (count as f32 * share).round() as usize);
-    let fine = Lattice { counts, voxel_size_m: lattice.voxel_size_m / share, ..*lattice };
-    (params.resolution != Grid::PAPER.resolution).then_some(fine)
-}
-
 /// Depth images as they are fused: scaled to the table if the settings say so.
-pub(crate) fn scaled<'a>(
+fn scaled<'a>(
     views: &'a [View],
     workspace: &Workspace,
     params: CloudParams,
@@ -167,7 +139,7 @@ fn far_off(number: usize, factor: f32) -> Option<String> {
 }
 
 /// Whether an image has its lens's pixels.
-pub(crate) fn must_fit(number: usize, view: &View) -> Result<(), InputError> {
+fn must_fit(number: usize, view: &View) -> Result<(), InputError> {
     let View { image, camera, .. } = view;
     let lens = camera.intrinsics;
     let (got, expected) = ([image.width_px, image.height_px], [lens.width_px, lens.height_px]);

@@ -65,7 +65,6 @@ impl Method for VoxelMethod {
             grasps: detected.found.iter().map(grasp_at).collect(),
             dropped: misses.into_iter().map(missed).collect(),
             stages,
-            known: Vec::new(),
         }
     }
 

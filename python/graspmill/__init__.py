@@ -24,7 +24,7 @@ from .formats.grasps import read as read_grasps
 from .grippers import Gripper
 from .object_grasps import ObjectGrasps
 from .pages import Page
-from .planner import KeptScene, Planner, PlanOptions
+from .planner import Planner, PlanOptions
 from .plans import Grasp, Plan, PlanFileOptions
 from .scene import HITS, OUTCOMES, Container, Object, Outcomes, Scene, execute, tsdf
 
@@ -46,7 +46,6 @@ __all__ = [
     "IncompleteError",
     "InputError",
     "InternalError",
-    "KeptScene",
     "Look",
     "Object",
     "ObjectGrasps",

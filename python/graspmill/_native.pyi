@@ -11,7 +11,6 @@ __all__ = [
     "Dataset",
     "Experiment",
     "Generation",
-    "KeptScene",
     "Plan",
     "Planner",
     "Planning",
@@ -151,12 +150,6 @@ class Planner:
         self, points_m: _Floats, eyes_m: _Floats, object_m: _Floats, request: dict[str, Any]
     ) -> Plan | Planning: ...
     def plan_tsdf(self, values: _Floats, request: dict[str, Any]) -> Plan | Planning: ...
-
-@final
-class KeptScene:
-    def __new__(cls, planner: Planner) -> KeptScene: ...
-    def observe(self, depth: _Floats, intrinsics: Sequence[float], workspace_from_camera: Sequence[float]) -> None: ...
-    def plan(self, request: dict[str, Any]) -> Plan | Planning: ...
 
 @final
 class Planning:

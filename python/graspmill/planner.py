@@ -220,17 +220,6 @@ class Planner(Immutable):
             raise InputError("mask and target_m must not both be given")
         return _planned(self._native.plan_views, images, intrinsics, poses, masks, _request(options, finds_table))
 
-    def observe(self, depth: ArrayLike, camera: Camera) -> KeptScene:
-        """Begins a scene to which images are added one by one, as :meth:`KeptScene.observe` does.
-
-        The scene gives a plan after each image:
-
-            scene = planner.observe(depth, camera)
-            scene.plan()
-            scene.observe(next_depth, next_camera).plan()
-        """
-        return KeptScene(self).observe(depth, camera)
-
     @_with_options
     def plan_cloud(
         self,
@@ -287,58 +276,6 @@ class Planner(Immutable):
         values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
         _arrays.vgn_values("tsdf", values)
         return _planned(self._native.plan_tsdf, values.ravel(), request)
-
-
-class KeptScene:
-    """A scene that is seen again and again, as by a wrist's camera on its way: :meth:`Planner.observe` begins it.
-
-    Images are added to what was seen before, and the last plan's best grasps are looked at first. The fields know all
-    images; widths, masks of what is hidden and pictures know the last eight. Begin a new scene when something has moved.
-    """
-
-    def __init__(self, planner: Planner) -> None:
-        self._native = _native.KeptScene(planner._native)
-        self._finds_table: bool | None = None
-        self._is_planned = False
-
-    def _must_rest(self) -> None:
-        if self._is_planned:
-            raise InputError("the scene must not be used while it is being planned")
-
-    def observe(self, depth: ArrayLike, camera: Camera) -> KeptScene:
-        """Adds an image, and returns the scene.
-
-        Args:
-            depth: ``[height, width]`` float, in metres along the camera's z; 0 or NaN where nothing was seen.
-            camera: Its camera. If the first one has no pose, the table is found, and the poses of the others are in the first
-                one's frame.
-        """
-        self._must_rest()
-        images, given = _images([depth], [camera])
-        is_first = self._finds_table is None
-        finds_table = given[0].workspace_from_camera is None if is_first else bool(self._finds_table)
-        pose = _HERE if is_first and finds_table else given[0]._pose()
-        self._native.observe(images[0], given[0]._intrinsics(), pose)
-        self._finds_table = finds_table
-        return self
-
-    @_with_options
-    def plan(self, **options: Unpack[PlanOptions]) -> Plan:
-        """Plans from all images so far. The plan's camera is that of the last one.
-
-        Args:
-            **options: See :class:`PlanOptions`.
-
-        Raises:
-            InputError: If there is no image, or the scene is used while it is being planned.
-        """
-        self._must_rest()
-        request = _request(options, bool(self._finds_table))
-        self._is_planned = True
-        try:
-            return _planned(self._native.plan, request)
-        finally:
-            self._is_planned = False
 
 
 def _accepted(value: Any, count: int) -> list[bool]:

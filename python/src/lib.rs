@@ -36,7 +36,7 @@ mod _native {
     #[pymodule_export]
     use crate::generate::Generation;
     #[pymodule_export]
-    use crate::plan::{KeptScene, Plan, Planner, Planning};
+    use crate::plan::{Plan, Planner, Planning};
     #[pymodule_export]
     use crate::programs::{checkpoint, publish, run_program};
     #[pymodule_export]

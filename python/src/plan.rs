@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::mpsc::{Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use graspmill::planning::show::{draw_into, page};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
@@ -207,54 +207,6 @@ fn planned(
         plan(&will_do).map(Step::Planned)
     };
     Ok(Planned::Planning(Planning { steps: Apart::start(threads, work)?, answer: Some(answer) }))
-}
-
-/// The scene, when a plan that was left has ended.
-fn unlocked(scene: &Mutex<planner::KeptScene>) -> MutexGuard<'_, planner::KeptScene> {
-    scene.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// What a planner has seen of a scene, from plan to plan.
-#[pyclass(frozen, module = "graspmill._native")]
-#[derive(Debug)]
-pub(crate) struct KeptScene {
-    planner: Arc<planner::Planner>,
-    threads: usize,
-    scene: Arc<Mutex<planner::KeptScene>>,
-}
-
-#[pymethods]
-impl KeptScene {
-    /// Nothing, for a planner.
-    #[new]
-    fn new(planner: &Planner) -> Self {
-        Self { planner: Arc::clone(&planner.planner), threads: planner.threads, scene: Arc::default() }
-    }
-
-    /// Adds a depth image, `[height, width]` in metres.
-    fn observe(
-        &self,
-        py: Python<'_>,
-        depth: PyReadonlyArray2<'_, f32>,
-        intrinsics: [f32; 6],
-        workspace_from_camera: Seven,
-    ) -> PyResult<()> {
-        room(PLAN_BYTES + POINT_BYTES * depth.as_array().len())?;
-        let view = View::new(image(&depth), camera(intrinsics, workspace_from_camera));
-        free(py, || unlocked(&self.scene).observe(view).map_err(Failure::from))
-    }
-
-    /// A plan from all images.
-    fn plan(&self, py: Python<'_>, request: Request) -> PyResult<Planned> {
-        room(PLAN_BYTES)?;
-        let (is_asked, options) = (request.is_asked, request.options()?);
-        let (planner, scene) = (Arc::clone(&self.planner), Arc::clone(&self.scene));
-        planned(py, self.threads, is_asked, move |will_do| {
-            let mut scene = unlocked(&scene);
-            let plan = planner.plan_kept(&mut scene, &options, will_do)?;
-            Ok(Plan { plan, gripper: planner.config.gripper.clone(), first: scene.last().cloned() })
-        })
-    }
 }
 
 /// A plan, or one whose caller is asked about its grasps.

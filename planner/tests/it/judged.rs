@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use planner::plan::{Plan, RejectReason};
 use planner::{
-    BuiltIn, Cone, Config, KeptScene, Limits, Observation, PlanOptions, Planner, Planners, Policy, Target, demo, input,
+    BuiltIn, Cone, Config, Limits, Observation, PlanOptions, Planner, Planners, Policy, Target, demo, input,
 };
 use program::ExitCode;
 use schema::{Grid, Gripper, Outcome, Pose, Vec3, VoxelGrid};
@@ -60,51 +60,6 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
     let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Quality { likeliest: Some((outcome, _)) } if outcome != Outcome::Held);
     let failed = plan.dropped.iter().find(failed).unwrap();
     assert!(failed.quality < epsilon && failed.why == "quality", "{failed:?}");
-}
-
-/// Images that come one after the other: the surface of all of them, with fewer questions to the judge.
-#[test]
-fn a_kept_scene_knows_all_images_and_the_best_hands() {
-    let planner = judge(config());
-    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
-    let Observation::Views(views) = &observation else { panic!("the demo has images") };
-    let options = PlanOptions::default();
-    let one_by_one = |threads: usize| -> (KeptScene, Vec<Plan>) {
-        let (mut scene, mut plans) = (KeptScene::default(), Vec::new());
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        for view in views {
-            scene.observe(view.clone()).unwrap();
-            let plan = || planner.plan_kept(&mut scene, &options, &|poses| vec![true; poses.len()]).unwrap();
-            plans.push(Plan { timings_ms: Vec::new(), ..pool.install(plan) });
-        }
-        (scene, plans)
-    };
-    let ((mut scene, plans), all) = (one_by_one(2), planner.plan(&observation, &options).unwrap());
-    assert_eq!(plans, one_by_one(1).1);
-    let (first, last) = (&plans[0], &plans[plans.len() - 1]);
-    let asked = |plan: &Plan| plan.funnel.count("judged").unwrap();
-    assert!(plans.len() > 2 && asked(last) * 2 <= asked(first), "{} and {}", asked(first), asked(last));
-    assert!(last.grasps[0].quality > 0.9 && last.grasps.len() > 5, "{:?}", last.reason);
-    assert_eq!(last.workspace_from_camera, Some(views[views.len() - 1].camera.workspace_from_camera));
-    let off_m = |plan: &Plan, at_m: Vec3| {
-        plan.cloud.points_m.iter().map(|other_m| (*other_m - at_m).length()).fold(f32::INFINITY, f32::min)
-    };
-    let far = |plan: &Plan| all.cloud.points_m.iter().filter(|at_m| off_m(plan, **at_m) > 0.004).count();
-    assert!(far(last) * 200 < all.cloud.points_m.len(), "{} of {}", far(last), all.cloud.points_m.len());
-    assert!(far(first) * 20 > all.cloud.points_m.len(), "one image shows less: {}", far(first));
-    // Where nothing is new the best hand stays good; another workspace is fused anew from the images.
-    let mut plan = |options: &PlanOptions| planner.plan_kept(&mut scene, options, &|poses| vec![true; poses.len()]);
-    assert!(plan(&options).unwrap().grasps[0].quality >= 0.9);
-    let small = PlanOptions { workspace_size_m: Some(0.25), ..PlanOptions::default() };
-    let inside = plan(&small).unwrap();
-    assert!(
-        !inside.grasps.is_empty() && inside.grasps.iter().all(|ranked| ranked.workspace_from_grasp.translation.x < 0.3)
-    );
-    let none = planner.plan_kept(&mut KeptScene::default(), &options, &|_| Vec::new());
-    assert!(none.unwrap_err().to_string().contains("an image must be observed"));
-    let mut other = views[0].clone();
-    other.camera.intrinsics.width_px += 1;
-    assert!(scene.observe(other).unwrap_err().to_string().contains("must have the lens's"));
 }
 
 #[test]
@@ -234,12 +189,7 @@ fn a_network_of_voxels_says_that_it_was_trained_for_another_hand() {
     let warnings = |gripper: Option<Gripper>| {
         let paper = BuiltIn::Paper.config().unwrap();
         let planner = Planner::built_in(Config { gripper: gripper.unwrap_or(paper.gripper.clone()), ..paper }).unwrap();
-        let plan = planner.plan(&observation, &PlanOptions::default()).unwrap();
-        let (Observation::Views(views), mut scene) = (&observation, KeptScene::default()) else { panic!("images") };
-        views.iter().for_each(|view| scene.observe(view.clone()).unwrap());
-        let kept = planner.plan_kept(&mut scene, &PlanOptions::default(), &|poses| vec![true; poses.len()]).unwrap();
-        assert_eq!(kept.warnings, plan.warnings);
-        plan.warnings
+        planner.plan(&observation, &PlanOptions::default()).unwrap().warnings
     };
     assert_eq!(warnings(None), Vec::<String>::new());
     let warning = &warnings(Some(Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap()))[0];
