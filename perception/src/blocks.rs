@@ -157,18 +157,12 @@ pub(crate) fn block_counts(lattice: &Lattice) -> [usize; 3] {
 
 impl From<&VoxelGrid> for SurfaceBlocks {
     fn from(field: &VoxelGrid) -> Self {
-        let count = block_counts(&field.lattice).iter().product();
-        let mut blocks = Self::new(field.lattice, &vec![true; count]);
-        let first = |lattice: &Lattice| in_voxels(&field.lattice, lattice.centre_m([0; 3])).round();
+        let mut blocks = Self::new(field.lattice, &vec![true; block_counts(&field.lattice).iter().product()]);
         let (lattices, values) = blocks.parts_mut();
         for (lattice, values) in lattices.iter().zip(values.chunks_exact_mut(VALUES)) {
-            let first = first(lattice).to_array().map(|along| along as usize);
             for (flat, value) in values.iter_mut().enumerate() {
-                let voxel = lattice.voxel(flat);
-                let at = [0, 1, 2].map(|axis| first[axis] + voxel[axis]);
-                if (0..3).all(|axis| at[axis] < field.lattice.counts[axis]) {
-                    *value = field.values[field.lattice.flat(at)];
-                }
+                let at = field.lattice.voxel_at(lattice.centre_m(lattice.voxel(flat)));
+                *value = at.map_or(0.0, |at| field.values[field.lattice.flat(at)]);
             }
         }
         blocks

@@ -2,7 +2,7 @@
 //! and `graspmill serve`.
 
 use perception::{FoundPlane, TableCandidate};
-use schema::{Grid, Lattice, Outcome, Pose, Vec3};
+use schema::{Lattice, Outcome, Pose, Vec3};
 use serde::{Serialize, Serializer};
 use settings::words;
 
@@ -77,20 +77,11 @@ impl RankedGrasp {
     }
 }
 
-/// A rigid transform `target_from_source`.
-#[derive(Serialize)]
-struct PoseAnswer {
-    /// Metres.
-    position_m: [f32; 3],
-    /// Unit quaternion x, y, z, w.
-    quaternion_xyzw: [f32; 4],
-}
-
-/// Writes a pose, or an optional one.
+/// Writes a rigid transform `target_from_source`, or an optional one: metres, and a unit quaternion x, y, z, w.
 fn pose<'a, S: Serializer>(pose: impl Into<Option<&'a Pose>>, serializer: S) -> Result<S::Ok, S::Error> {
-    let answer =
-        |pose: &Pose| PoseAnswer { position_m: pose.translation.to_array(), quaternion_xyzw: pose.rotation.to_array() };
-    pose.into().map(answer).serialize(serializer)
+    let Some(Pose { rotation, translation, .. }) = pose.into() else { return serializer.serialize_none() };
+    let (position_m, quaternion_xyzw) = (translation.to_array(), rotation.to_array());
+    serializer.collect_map([("position_m", &position_m[..]), ("quaternion_xyzw", &quaternion_xyzw[..])])
 }
 
 /// A cluster of the surface cloud. Objects are numbered from the top: the one with the highest centroid is 0.
@@ -352,18 +343,6 @@ struct RegionAnswer {
 fn region<S: Serializer>(lattice: &Lattice, serializer: S) -> Result<S::Ok, S::Error> {
     let [low_m, high_m] = lattice.corners_m().map(|corner| corner.to_array());
     RegionAnswer { low_m, high_m, table_z_m: lattice.table_z_m }.serialize(serializer)
-}
-
-/// The workspace in which a network was trained: a cube, its origin at a lower corner, z up.
-#[derive(Serialize)]
-#[serde(remote = "Grid")]
-pub(crate) struct GridAnswer {
-    /// Its side, in metres.
-    size_m: f32,
-    /// Voxels along a side.
-    resolution: usize,
-    /// Height of the table's top in the training data, in metres.
-    table_z_m: f32,
 }
 
 /// A plan.

@@ -10,14 +10,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use axum::Router;
 use axum::extract::{DefaultBodyLimit, Request, State};
 use axum::http::StatusCode;
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::{get, post};
 use axum::serve::Listener;
+use axum::{Json, Router};
 use program::{Context as _, ExitCode, Failure};
+use serde_json::Value;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
@@ -28,6 +29,7 @@ use tower_http::timeout::TimeoutLayer;
 use self::connection::converse;
 use self::fault::Fault;
 use self::planning::Planned;
+use crate::timing::ms_since;
 use crate::{Planner, Planners};
 
 mod connection;
@@ -58,8 +60,9 @@ struct Work {
     plan: Box<PlanBytes>,
     /// Bodies of `/predict`.
     predict: Box<PlanBytes>,
-    model_json: String,
-    config_json: String,
+    /// Bodies of `/v1/model` and `/config`.
+    model: Value,
+    config: Value,
 }
 
 /// State shared by the handlers.
@@ -96,36 +99,33 @@ pub fn serve(
     stop: &AtomicBool,
     on_listening: &dyn Fn(SocketAddr),
 ) -> Result<(), Failure> {
-    // Strings and finite numbers always serialize.
-    let model_json = serde_json::to_string(&model::ModelAnswer::new(&planner)).unwrap_or_default();
-    let config_json =
-        serde_json::to_string(&predict::ConfigAnswer::new(&planner, options.grasp_frame)).unwrap_or_default();
+    let (model, config) = (model::answer(&planner), predict::config(&planner, options.grasp_frame));
     let planners = Arc::new(Planners::new(planner));
     let (same, frame) = (Arc::clone(&planners), options.grasp_frame);
     let work = Work {
         plan: Box::new(move |body| planning::plan_bytes(&planners, body)),
         predict: Box::new(move |body| predict::predict_bytes(&same.own, frame, body)),
-        model_json,
-        config_json,
+        model,
+        config,
     };
     serve_shared(&Shared::new(work, options), stop, on_listening)
 }
 
 fn routes(shared: &Arc<Shared>) -> Router {
-    let options = &shared.options;
+    let Shared { options, work, .. } = &**shared;
     Router::new()
         .route("/v1/plan", post(handlers::plan))
-        .route("/v1/model", get(handlers::model))
+        .route("/v1/model", get(Json(work.model.clone())))
         .route("/predict", post(handlers::predict))
-        .route("/config", get(handlers::config))
-        .route("/version", get(handlers::version))
-        .route("/healthz", get(handlers::healthz))
+        .route("/config", get(Json(work.config.clone())))
+        .route("/version", get(Json(predict::version())))
+        .route("/healthz", get("ok"))
         .route("/readyz", get(handlers::readyz))
         // From the inside out. axum's own limit of 2 MB is off; the limit of the next layer applies.
         .layer(DefaultBodyLimit::disable())
         .layer(RequestBodyLimitLayer::new(options.body_bytes_max))
         .layer(TimeoutLayer::with_status_code(StatusCode::GATEWAY_TIMEOUT, options.request_timeout))
-        .layer(CatchPanicLayer::custom(fault::of_panic))
+        .layer(CatchPanicLayer::new())
         .layer(from_fn_with_state(Arc::clone(shared), host::must_be_known))
         .layer(from_fn_with_state(Arc::clone(shared), observe))
         .with_state(Arc::clone(shared))
@@ -137,7 +137,7 @@ async fn observe(State(shared): State<Arc<Shared>>, request: Request, next: Next
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     let response = fault::as_json(next.run(request).await, &shared.options, path == "/predict");
     let status = response.status();
-    let ms = started.elapsed().as_secs_f64() * 1e3;
+    let ms = ms_since(started);
     tracing::info!(method = cut(method.as_str()), path = cut(&path), status = status.as_u16(), ms, "answered");
     response
 }

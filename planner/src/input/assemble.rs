@@ -101,7 +101,7 @@ fn finds_table(input: &RequestInput) -> Result<bool, InputError> {
 /// # Errors
 /// [`InputError`], naming the key; [`InputError::is_syntax`] if it is not JSON.
 pub fn from_json(bytes: &[u8], grid: Grid) -> Result<Request, InputError> {
-    assemble(&parse_json(bytes)?, None, grid)
+    assemble(&parse_json::<RequestInput>(bytes)?, None, grid)
 }
 
 /// A request from a file, TOML or JSON, after some `changes`; its paths are relative to the file's folder.
@@ -116,7 +116,7 @@ pub fn from_file(path: &Path, grid: Grid, changes: impl FnOnce(&mut RequestInput
 }
 
 /// The bytes of base64, whose line ends and blanks are skipped: `base64` wraps its lines.
-fn decode_base64(text: &str) -> Result<Vec<u8>, base64::DecodeError> {
+pub(crate) fn decode_base64(text: &str) -> Result<Vec<u8>, base64::DecodeError> {
     // Text without blanks, the usual one, is not looked at twice.
     STANDARD
         .decode(text)

@@ -341,7 +341,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::input::request::{parse_json, parse_toml};
+    use crate::input::request::{RequestInput, parse_json, parse_toml};
 
     fn read(value: serde_json::Value) -> Result<Pose, InputError> {
         let input: PoseInput = serde_json::from_value(value).map_err(|e| InputError::Value(e.to_string()))?;
@@ -475,7 +475,7 @@ mod tests {
             assert!(!expected.starts_with(form) || said == expected, "{said}");
         }
         let json = br#"{ "views": [{ "depth": "a", "intrinsics": [640, 480, 525.0, 525.0, 319.5, 239.5] }] }"#;
-        assert_eq!(parse_json(json).unwrap_err().to_string(), format!("{form} 6: views[0].intrinsics"));
+        assert_eq!(parse_json::<RequestInput>(json).unwrap_err().to_string(), format!("{form} 6: views[0].intrinsics"));
         let toml = b"intrinsics = [525.0, 0, 319.5, 0, 526.5, 239.5, 0, 0, 1]";
         assert_eq!(parse_toml(toml).unwrap().intrinsics, Some(keys));
     }

@@ -140,7 +140,7 @@ impl NpyHeader {
 }
 
 /// Numbers of `N` bytes each, passed to `convert` in little-endian order.
-fn each<const N: usize>(data: &[u8], is_big_endian: bool, convert: impl Fn([u8; N]) -> f32) -> Vec<f32> {
+pub(crate) fn each<const N: usize>(data: &[u8], is_big_endian: bool, convert: impl Fn([u8; N]) -> f32) -> Vec<f32> {
     let number = |bytes: &[u8; N]| {
         let mut bytes = *bytes;
         if is_big_endian {

@@ -21,14 +21,14 @@ const RADIUS_M_MAX: f64 = 1.0;
 /// # Errors
 /// [`InputError`], naming the key.
 pub fn options_from_json(text: &[u8], finds_table: bool) -> Result<PlanOptions, InputError> {
-    options(&parse_json(text)?, finds_table)
+    options(&parse_json::<RequestInput>(text)?, finds_table)
 }
 
 /// The options of a request. `finds_table` says whether the table is to be found in the observation.
 ///
 /// # Errors
 /// [`InputError`], naming the key.
-pub(super) fn options(input: &RequestInput, finds_table: bool) -> Result<PlanOptions, InputError> {
+pub(crate) fn options(input: &RequestInput, finds_table: bool) -> Result<PlanOptions, InputError> {
     if finds_table && input.base_from_workspace.is_some() {
         return refuse(
             "must not be given where the workspace is found, as its place in the base's frame is not known (give \

@@ -6,7 +6,7 @@ use std::fmt;
 use std::path::Path;
 
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
+use serde::de::{DeserializeOwned, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::error::Category;
 
@@ -257,7 +257,8 @@ fn is_json(path: &Path, bytes: &[u8]) -> bool {
     }
 }
 
-pub(crate) fn parse_json(bytes: &[u8]) -> Result<RequestInput, InputError> {
+/// What JSON says, with only keys and types checked.
+pub(crate) fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, InputError> {
     let text = std::str::from_utf8(bytes).map_err(|_| InputError::Syntax("not JSON: it is not UTF-8".to_owned()))?;
     let mut source = serde_json::Deserializer::from_str(text);
     let input = serde_path_to_error::deserialize(&mut source);
@@ -302,7 +303,7 @@ mod tests {
 
     #[test]
     fn a_message_has_the_place_of_an_error_and_nothing_else_of_the_text() {
-        let message = |text: &str| parse_json(text.as_bytes()).unwrap_err().to_string();
+        let message = |text: &str| parse_json::<RequestInput>(text.as_bytes()).unwrap_err().to_string();
         let misplaced = message("{\"views\": [{\"depth\": \"a\"},\n{\"depth\": {\"data\": 7}}]}");
         assert_eq!(misplaced, "invalid type: integer `7`, expected a string: views[1].depth.data");
         assert!(message("7").starts_with("invalid type: integer `7`") && !message("7").contains("line"));

@@ -1,47 +1,29 @@
-//! The service's error answers: a status and `{"error": "…", "status": 422}`, for every source of errors.
+//! The service's error answers: a status and `{"error": "…", "status": 422}`, for every source of errors; of `/predict`
+//! `{"detail": {"error": "…", "message": "…"}}`.
 //!
 //! The router and the layers in front of the handlers answer with plain text or without a body; [`as_json`] converts
 //! those answers to the same layout.
 
-use std::any::Any;
-
 use axum::Json;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::options::ServeOptions;
 
 /// An error answer.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Fault {
+    status: StatusCode,
     /// The error: rule, value, limit, place.
     error: String,
-    /// The status of the response.
-    status: u16,
     /// Its word in the contract of `/predict`.
-    #[serde(skip)]
     code: Option<&'static str>,
-}
-
-/// An error of `/predict`.
-#[derive(Debug, Serialize)]
-pub(crate) struct Detailed {
-    detail: Detail,
-}
-
-#[derive(Debug, Serialize)]
-struct Detail {
-    /// One of `bad_dtype`, `bad_base64`, `shape_dtype_mismatch`, `bad_shape`, `payload_too_large`, `invalid_geometry`,
-    /// `invalid_request`, `not_ready`, `timeout` and `internal_error`.
-    error: &'static str,
-    /// The error: rule, value, limit, place.
-    message: String,
 }
 
 impl Fault {
     pub(super) fn new(status: StatusCode, error: impl Into<String>) -> Self {
-        Self { error: error.into(), status: status.as_u16(), code: None }
+        Self { status, error: error.into(), code: None }
     }
 
     /// The same with its word in the contract of `/predict`.
@@ -51,21 +33,15 @@ impl Fault {
 
     /// As `/predict` tells it.
     pub(super) fn detailed(self) -> Response {
-        let of_status = || match self.status {
+        let of_status = match self.status.as_u16() {
             413 => "payload_too_large",
             503 => "not_ready",
             504 => "timeout",
             500..=599 => "internal_error",
             _ => "invalid_request",
         };
-        let (code, status) = (self.code.unwrap_or_else(of_status), self.status());
-        let body = Detailed { detail: Detail { error: code, message: self.error } };
-        told(status, Json(body))
-    }
-
-    fn status(&self) -> StatusCode {
-        // It was made from a status.
-        StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
+        let code = self.code.unwrap_or(of_status);
+        told(self.status, json!({ "detail": { "error": code, "message": self.error } }))
     }
 
     /// A defect of the planner. The log has the details.
@@ -80,6 +56,8 @@ impl Fault {
             StatusCode::METHOD_NOT_ALLOWED => "no such method for this path: the header Allow lists them".to_owned(),
             StatusCode::PAYLOAD_TOO_LARGE => format!("the body must have at most {} bytes", options.body_bytes_max),
             StatusCode::GATEWAY_TIMEOUT => format!("no answer within {} s", options.request_timeout.as_secs_f64()),
+            // A handler panicked.
+            StatusCode::INTERNAL_SERVER_ERROR => return Self::internal(),
             other => other.canonical_reason().unwrap_or("error").to_ascii_lowercase(),
         };
         Self::new(status, error)
@@ -88,16 +66,13 @@ impl Fault {
 
 impl IntoResponse for Fault {
     fn into_response(self) -> Response {
-        told(self.status(), Json(self))
+        told(self.status, json!({ "error": self.error, "status": self.status.as_u16() }))
     }
 }
 
-fn told(status: StatusCode, body: impl IntoResponse) -> Response {
-    let mut response = (status, body).into_response();
-    if status == StatusCode::SERVICE_UNAVAILABLE {
-        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
-    }
-    response
+fn told(status: StatusCode, body: Value) -> Response {
+    let retry = (status == StatusCode::SERVICE_UNAVAILABLE).then_some([(header::RETRY_AFTER, "1")]);
+    (status, retry, Json(body)).into_response()
 }
 
 /// The content-type header of a JSON body.
@@ -119,18 +94,8 @@ pub(super) fn as_json(response: Response, options: &ServeOptions, is_detailed: b
         return response;
     }
     let fault = Fault::of_layer(status, options);
-    let mut answer = if is_detailed { fault.detailed() } else { fault.into_response() };
-    for name in [header::ALLOW, header::RETRY_AFTER] {
-        if let Some(value) = response.headers().get(&name) {
-            answer.headers_mut().insert(name, value.clone());
-        }
-    }
-    answer
-}
-
-/// The answer after a panic in a handler. (The panic hook printed its message to stderr.)
-pub(super) fn of_panic(_panic: Box<dyn Any + Send + 'static>) -> Response {
-    Fault::internal().into_response()
+    let allow = response.headers().get(header::ALLOW).map(|methods| [(header::ALLOW, methods.clone())]);
+    (allow, if is_detailed { fault.detailed() } else { fault.into_response() }).into_response()
 }
 
 #[cfg(test)]

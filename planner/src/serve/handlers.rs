@@ -5,14 +5,12 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use axum::Json;
 use axum::body::Bytes;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{HeaderName, StatusCode};
 use axum::response::{IntoResponse, Response};
 
 use super::fault::{Fault, is_json, json_header};
-use super::predict::VersionAnswer;
 use super::{PlanBytes, Shared, Work};
 
 const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
@@ -32,59 +30,33 @@ async fn answer(shared: Arc<Shared>, request: Request, worker: fn(&Work) -> &Pla
     if !is_json(request.headers()) {
         return Err(Fault::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the content type must be application/json"));
     }
-    let place = Arc::clone(&shared.places).try_acquire_owned().map_err(|_| turned_away())?;
+    let place =
+        Arc::clone(&shared.places).try_acquire_owned().map_err(|_| unavailable("too many plans are waiting"))?;
     let body = Bytes::from_request(request, &()).await.map_err(|rejection| match rejection.status() {
         StatusCode::PAYLOAD_TOO_LARGE => Fault::of_layer(StatusCode::PAYLOAD_TOO_LARGE, &shared.options),
         _ => Fault::new(StatusCode::BAD_REQUEST, "the body is incomplete"),
     })?;
-    let turn = Arc::clone(&shared.turns).acquire_owned().await.map_err(|_| stopping())?;
-    let working = Arc::clone(&shared);
+    let turn = Arc::clone(&shared.turns).acquire_owned().await.map_err(|_| unavailable(STOPPING))?;
     let work = move || -> Result<Response, Fault> {
-        // Kept until the plan ends, even if its request is gone.
+        // Held until the plan ends, even if its request is gone.
         let _held = (place, turn);
-        let planned = worker(&working.work)(&body)?;
+        let planned = worker(&shared.work)(&body)?;
         Ok((json_header(), [(SERVER_TIMING, planned.server_timing)], planned.body).into_response())
     };
-    match tokio::task::spawn_blocking(work).await {
-        Ok(answer) => answer,
-        Err(error) if error.is_panic() => {
-            tracing::error!("a plan panicked; the service continues");
-            Err(Fault::internal())
-        }
-        Err(_) => Err(stopping()),
-    }
+    tokio::task::spawn_blocking(work).await.unwrap_or_else(|_| {
+        tracing::error!("a plan panicked; the service continues");
+        Err(Fault::internal())
+    })
 }
 
-fn turned_away() -> Fault {
-    Fault::new(StatusCode::SERVICE_UNAVAILABLE, "too many plans are waiting")
-}
+const STOPPING: &str = "the service is stopping";
 
-fn stopping() -> Fault {
-    Fault::new(StatusCode::SERVICE_UNAVAILABLE, "the service is stopping")
-}
-
-/// The network and settings of the service.
-pub(super) async fn model(State(shared): State<Arc<Shared>>) -> Response {
-    (json_header(), shared.work.model_json.clone()).into_response()
-}
-
-/// What a client of `/predict` must know: the hand, its frame and the limits.
-pub(super) async fn config(State(shared): State<Arc<Shared>>) -> Response {
-    (json_header(), shared.work.config_json.clone()).into_response()
-}
-
-/// Versions of the server and of the contract of `/predict`.
-pub(super) async fn version() -> Json<VersionAnswer> {
-    Json(VersionAnswer::NOW)
-}
-
-/// Whether the process runs.
-pub(super) async fn healthz() -> &'static str {
-    "ok"
+fn unavailable(why: &str) -> Fault {
+    Fault::new(StatusCode::SERVICE_UNAVAILABLE, why)
 }
 
 /// Whether the service accepts requests. The model is loaded before it listens, so only a stopping service is not
 /// ready.
 pub(super) async fn readyz(State(shared): State<Arc<Shared>>) -> Result<&'static str, Fault> {
-    if shared.stopping.load(Ordering::Relaxed) { Err(stopping()) } else { Ok("ready") }
+    if shared.stopping.load(Ordering::Relaxed) { Err(unavailable(STOPPING)) } else { Ok("ready") }
 }

@@ -1,52 +1,36 @@
 //! The description of the running planner: `GET /v1/model`.
 
-use schema::Grid;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::Planner;
 use crate::config::Config;
-use crate::plan::GridAnswer;
 
-/// The planner behind the service.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(crate) struct ModelAnswer {
-    /// The program's version.
-    version: &'static str,
-    /// SHA-256 of the network's weights file.
-    model: String,
-    /// The default order of grasps: `paper`, `vgn-random` or `vgn-best`.
-    policy: &'static str,
-    /// The gripper's name.
-    gripper: String,
-    /// The workspace.
-    #[serde(with = "GridAnswer")]
-    grid: Grid,
-    /// The settings, with the keys of `configs/plan/*.toml`.
-    config: Value,
+/// The program's version, SHA-256 of the network's weights file, the default order of grasps, the hand's name, the
+/// workspace, and the settings, with the keys of `configs/plan/*.toml`.
+pub(super) fn answer(planner: &Planner) -> Value {
+    let Planner { model_id, config, grid, .. } = planner;
+    let (size_m, table_z_m) = (written(&grid.size_m), written(&grid.table_z_m));
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "model": model_id,
+        "policy": config.ranking.policy.name(),
+        "gripper": config.gripper.name,
+        "grid": { "size_m": size_m, "resolution": grid.resolution, "table_z_m": table_z_m },
+        "config": settings(config),
+    })
 }
 
-impl ModelAnswer {
-    pub(super) fn new(planner: &Planner) -> Self {
-        let config = &planner.config;
-        Self {
-            version: env!("CARGO_PKG_VERSION"),
-            model: planner.model_id.clone(),
-            policy: config.ranking.policy.name(),
-            gripper: config.gripper.name.clone(),
-            grid: planner.grid,
-            config: settings(config),
-        }
-    }
-}
-
-/// The keys of a settings file. Numbers go through text, which has them as people wrote them: 0.45, not
-/// 0.44999998807907104.
+/// The keys of a settings file.
 fn settings(config: &Config) -> Value {
-    let text = serde_json::to_string(config).unwrap_or_default();
-    let mut settings: Value = serde_json::from_str(&text).unwrap_or_default();
+    let mut settings = written(config);
     settings["gripper"] = Value::from(config.gripper.name.as_str());
     settings
+}
+
+/// Numbers go through text, which has them as people wrote them: 0.45, not 0.44999998807907104.
+pub(super) fn written(value: &impl Serialize) -> Value {
+    serde_json::from_str(&serde_json::to_string(value).unwrap_or_default()).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -3,17 +3,29 @@
 use std::time::Instant;
 
 use axum::http::StatusCode;
+use serde::Serialize;
 
 use super::fault::Fault;
+use crate::timing::ms_since;
 use crate::{Planners, input};
 
-/// A serialised plan.
+/// A serialised answer.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Planned {
-    /// The plan in JSON.
+    /// JSON.
     pub(super) body: Vec<u8>,
     /// Times of the stages in the format of the header `Server-Timing`.
     pub(super) server_timing: String,
+}
+
+impl Planned {
+    /// An answer, the milliseconds until its request was read, and those of the plan's stages.
+    pub(super) fn new(answer: &impl Serialize, parse_ms: f64, timings_ms: &[(&str, f64)]) -> Result<Self, Fault> {
+        let body = serde_json::to_vec(answer).map_err(|_| Fault::internal())?;
+        let stages = [("parse", parse_ms)].into_iter().chain(timings_ms.iter().copied());
+        let server_timing: Vec<String> = stages.map(|(name, ms)| format!("{name};dur={ms:.2}")).collect();
+        Ok(Self { body, server_timing: server_timing.join(", ") })
+    }
 }
 
 /// Parses a request, plans, and serialises the answer.
@@ -24,19 +36,12 @@ pub(super) fn plan_bytes(planners: &Planners, body: &[u8]) -> Result<Planned, Fa
         let status = if error.is_syntax() { StatusCode::BAD_REQUEST } else { StatusCode::UNPROCESSABLE_ENTITY };
         Fault::new(status, error.to_string())
     })?;
-    let parsed_ms = started.elapsed().as_secs_f64() * 1e3;
+    let parse_ms = ms_since(started);
     let planner = planners.of(request.config);
     let plan = planner.and_then(|planner| planner.plan(&request.observation, &request.options));
     let mut plan = plan.map_err(|error| Fault::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))?;
     plan.warnings.extend(request.warnings);
-    Ok(Planned {
-        body: serde_json::to_vec(&plan).map_err(|_| Fault::internal())?,
-        server_timing: server_timing(std::iter::once(("parse", parsed_ms)).chain(plan.timings_ms.iter().copied())),
-    })
-}
-
-pub(super) fn server_timing<'a>(stages: impl Iterator<Item = (&'a str, f64)>) -> String {
-    stages.map(|(name, ms)| format!("{name};dur={ms:.2}")).collect::<Vec<_>>().join(", ")
+    Planned::new(&plan, parse_ms, &plan.timings_ms)
 }
 
 #[cfg(test)]
@@ -45,7 +50,7 @@ mod tests {
 
     #[test]
     fn timings_are_a_header() {
-        let stages = [("parse", 1.234), ("fuse", 10.0)];
-        assert_eq!(server_timing(stages.into_iter()), "parse;dur=1.23, fuse;dur=10.00");
+        let planned = Planned::new(&7, 1.234, &[("fuse", 10.0)]).unwrap();
+        assert_eq!((&planned.body[..], &planned.server_timing[..]), (&b"7"[..], "parse;dur=1.23, fuse;dur=10.00"));
     }
 }

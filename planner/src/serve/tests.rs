@@ -49,7 +49,7 @@ fn silent_for(ms: u64) -> ServeOptions {
 
 fn work(plan: impl Fn(&[u8]) -> Result<Planned, Fault> + Clone + Send + Sync + 'static) -> Work {
     let predict = Box::new(plan.clone());
-    Work { plan: Box::new(plan), predict, model_json: "{}".to_owned(), config_json: "{}".to_owned() }
+    Work { plan: Box::new(plan), predict, model: Value::Null, config: Value::Null }
 }
 
 /// Bodies are commands: `panic`, `refuse`, `wait` (until `go`); anything else is planned.
