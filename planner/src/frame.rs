@@ -4,16 +4,14 @@
 use core::f32::consts::PI;
 use std::borrow::Cow;
 
-use perception::{PlaneParams, TableCandidate, find_plane, find_tables, seen_above};
+use perception::{COLUMNS_PX, PlaneParams, TableCandidate, find_plane, find_tables, seen_above};
 use rayon::prelude::*;
 use schema::{Grid, Mat3, Plane, Pose, Purpose, Quat, Stream, Vec3, pose_from_parts};
 
 use crate::input::{InputError, refuse};
 use crate::observation::{FindTable, Observation, View};
 
-/// About so many pixels along an image's width are looked at.
-const COLUMNS_PX: usize = 320;
-/// For a quick look so many; a table is among what they show with at least this share, and level.
+/// A quick look is at so many along an image's width; a table is among what they show with at least this share, and level.
 const QUICK_COLUMNS_PX: usize = 80;
 const QUICK_SHARE_MIN: f32 = 0.2;
 const QUICK: PlaneParams =
