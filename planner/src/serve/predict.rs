@@ -178,9 +178,9 @@ fn geometry(message: String) -> Fault {
 impl ArrayInput {
     fn points(&self, key: &str) -> Result<Vec<Vec3>, Fault> {
         let bad = |code, message: String| Fault::coded(StatusCode::BAD_REQUEST, code, format!("{message}: {key}"));
-        let (size_bytes, read): (u64, fn(&[u8]) -> Vec<f32>) = match self.dtype.as_str() {
-            "float32" => (4, |bytes| each(bytes, false, f32::from_le_bytes)),
-            "float64" => (8, |bytes| each(bytes, false, |eight| f64::from_le_bytes(eight) as f32)),
+        let size_bytes: u64 = match self.dtype.as_str() {
+            "float32" => 4,
+            "float64" => 8,
             _ => return Err(bad("bad_dtype", "dtype must be float32 or float64".to_owned())),
         };
         let bytes = decode_base64(&self.data_b64)
@@ -194,7 +194,11 @@ impl ArrayInput {
         if !matches!(self.shape[..], [_, 3]) {
             return Err(bad("bad_shape", format!("shape must be [N, 3], got {:?}", self.shape)));
         }
-        let points_m: Vec<Vec3> = read(&bytes).chunks_exact(3).map(Vec3::from_slice).collect();
+        let values: Vec<f32> = match size_bytes {
+            4 => each(&bytes, false, f32::from_le_bytes),
+            _ => each(&bytes, false, |eight| f64::from_le_bytes(eight) as f32),
+        };
+        let points_m: Vec<Vec3> = values.chunks_exact(3).map(Vec3::from_slice).collect();
         match points_m.iter().position(|at_m| !at_m.is_finite()) {
             Some(row) => Err(geometry(format!("must be finite, got {}: {key}[{row}]", points_m[row]))),
             None => Ok(points_m),
