@@ -1,8 +1,11 @@
 #!/usr/bin/env python3
 """Makes a Rerun recording of a plan for the Rerun viewer.
 
-    graspmill plan ... --out plan.json
-    python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
+    >>> plan = graspmill.Planner().plan(depth, camera)
+    >>> pathlib.Path("plan.json").write_text(plan.to_json())
+    >>> numpy.save("cloud.npy", numpy.column_stack([plan.cloud(), plan.labels()]))
+
+    python scripts/plan_rrd.py plan.json --cloud cloud.npy --out plan.rrd
     rerun plan.rrd
 
 Needs rerun-sdk==0.36.3 (in scripts/requirements.txt). The recording shows the cloud by its labels, the objects' centroids,
@@ -24,22 +27,22 @@ GRIPPERS = Path(__file__).parents[1] / "configs/grippers"
 #: What is read. Before version 3 the box was a cube, `grid`, and hands had only a width; the first of version 1 had
 #: `told` in place of `detail`.
 FORMATS = tuple(f"graspmill-plan/{version}" for version in (3, 2, 1))
-PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "char": "i1", "int": "<i4", "uint": "<u4", "short": "<i2", "ushort": "<u2"}
 BEST, COLLISION, GREY, INK = (0, 158, 115), (213, 94, 0), (120, 120, 120), (34, 34, 34)
+#: Colours of Okabe and Ito (2008), then darker ones.
+OBJECTS = [(86, 180, 233), (204, 121, 167), (240, 228, 66), (230, 159, 0), (0, 114, 178)]
+OBJECTS += [(56, 118, 153), (134, 79, 110), (158, 150, 43), (151, 104, 0), (0, 75, 117)]
+TABLE, NOISE = (226, 226, 226), (150, 150, 150)
 
 
-def read_ply(path: Path) -> np.ndarray:
-    """The vertices of a binary, little-endian PLY without lists, one field a property."""
-    head, end, body = path.read_bytes().partition(b"end_header\n")
-    lines = [line.split() for line in head.decode("ascii", "replace").splitlines()]
-    if not end or ["format", "binary_little_endian", "1.0"] not in lines:
-        raise SystemExit(f"{path}: not a binary, little-endian PLY")
+def read_cloud(path: Path) -> np.ndarray:
+    """Rows of x, y, z and label."""
     try:
-        count = next(int(line[2]) for line in lines if line[:2] == ["element", "vertex"])
-        fields = [(line[2], PLY_TYPES[line[1]]) for line in lines if line[:1] == ["property"]]
-        return np.frombuffer(body, dtype=fields, count=count)
-    except (StopIteration, KeyError, ValueError) as error:
-        raise SystemExit(f"{path}: not a cloud of plain points: {error!r}") from error
+        cloud = np.load(path)
+    except (OSError, ValueError, EOFError) as error:
+        raise SystemExit(f"{path}: not an NPY file: {error}") from error
+    if not isinstance(cloud, np.ndarray) or cloud.ndim != 2 or cloud.shape[1] != 4:
+        raise SystemExit(f"{path}: must have the columns x, y, z and label")
+    return cloud
 
 
 def hand(gripper: dict, opening_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -89,9 +92,8 @@ def record(plan: dict, cloud: np.ndarray, gripper: dict, recording_id: str, out:
     low, high = np.array(region["low_m"]), np.array(region["high_m"])
     box = rr.Boxes3D(centers=[(low + high) / 2], half_sizes=[(high - low) / 2], colors=[GREY])
     recording.log("workspace/box", box, static=True)
-    places = np.stack([cloud[axis] for axis in "xyz"], axis=1)
-    colours = np.stack([cloud[channel] for channel in ("red", "green", "blue")], axis=1)
-    recording.log("workspace/cloud", rr.Points3D(places, colors=colours, radii=0.00125), static=True)
+    colours = [OBJECTS[label % len(OBJECTS)] if label >= 0 else (TABLE, NOISE)[label + 2] for label in cloud[:, 3].astype(int)]
+    recording.log("workspace/cloud", rr.Points3D(cloud[:, :3], colors=colours, radii=0.00125), static=True)
     centroids = [thing["centroid_m"] for thing in plan["objects"]]
     names = [f"object {number}" for number in range(len(centroids))]
     recording.log("workspace/centroids", rr.Points3D(centroids, colors=[INK], radii=0.004, labels=names), static=True)
@@ -107,8 +109,8 @@ def record(plan: dict, cloud: np.ndarray, gripper: dict, recording_id: str, out:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("plan", type=Path, help="what `graspmill plan --out` wrote")
-    parser.add_argument("--cloud", type=Path, required=True, help="the segmented cloud (PLY)")
+    parser.add_argument("plan", type=Path, help="the plan as JSON")
+    parser.add_argument("--cloud", type=Path, required=True, help="its cloud with labels (NPY)")
     parser.add_argument("--out", type=Path, required=True, help="the recording (.rrd)")
     parser.add_argument("--gripper", type=Path, help="the hand's file, if it is not among configs/grippers")
     args = parser.parse_args()
@@ -124,7 +126,7 @@ def main() -> int:
         raise SystemExit(f"the plan is for {plan['gripper']}, the hand is {gripper['name']}: --gripper")
     # The viewer merges recordings with the same id.
     recording_id = hashlib.sha256(args.plan.read_bytes() + args.cloud.read_bytes()).hexdigest()
-    record(plan, read_ply(args.cloud), gripper, recording_id, args.out)
+    record(plan, read_cloud(args.cloud), gripper, recording_id, args.out)
     return 0
 
 

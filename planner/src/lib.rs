@@ -7,13 +7,12 @@
 //! voxel ([`mod@voxel`]), or what a judge expects of proposed grasps. The points are segmented into table and
 //! objects ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]). [`hand`] turns the grasp
 //! towards the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`],
-//! which is printed as JSON and [`cloud_file`] writes as PLY.
+//! which is printed as JSON.
 //!
 //! [`input`] reads files and requests, [`serve`] is the HTTP service.
 //!
 //! A plan is a pure function of the observation, the network and the [`config`]; the number of threads changes no bit.
 
-pub mod cloud_file;
 pub mod config;
 pub mod demo;
 mod frame;

@@ -233,6 +233,12 @@ class Plan(Immutable, Sequence[Grasp]):
         """The observed surface, ``[N, 3]`` in the workspace, in metres."""
         return self._cloud.copy()
 
+    def labels(self) -> NDArray[np.int32]:
+        """What each point of :meth:`cloud` is of, ``[N]``: an object's index, −1 for noise, −2 for the table; not of a pickled plan."""
+        if self._drawn is None:
+            raise InputError("the plan was pickled or read, and so has no labels: take them in the process that made the plan")
+        return self._drawn.labels()
+
     def page(self, title: str = "") -> Page:
         """The scene and its grasps as a page, to be turned about. A plan that was pickled cannot be shown."""
         if self._drawn is None:

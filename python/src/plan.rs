@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use graspmill::planning::show::{draw_into, page};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use planner::input::{check_image, options_from_json};
+use planner::plan::PointLabel;
 use planner::{Config, Observation, PlanOptions, Target, View, WillDo};
 use program::{Failure, json};
 use pyo3::prelude::*;
@@ -304,5 +305,15 @@ impl Plan {
     /// The points of the segmented surface, flat, in metres.
     fn cloud<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         array(py, self.plan.cloud.points_m.iter().flat_map(|point| point.to_array()).collect())
+    }
+
+    /// What each of them is of: the object's index, -1 for noise, -2 for the table.
+    fn labels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<i32>>> {
+        let number = |label: &PointLabel| match label {
+            PointLabel::Plane => -2,
+            PointLabel::Noise => -1,
+            PointLabel::Object(object) => i32::try_from(*object).unwrap_or(i32::MAX),
+        };
+        array(py, self.plan.cloud.labels.iter().map(number).collect())
     }
 }

@@ -154,6 +154,9 @@ def test_a_plan_is_the_programs_plan_and_its_grasps_hold(planner, scene, tmp_pat
     avoided = planner.plan(depth, camera, avoid=plan.workspace_from_grasp[:1])
     assert np.linalg.norm(avoided[0].workspace_from_grasp[:3, 3] - plan[0].workspace_from_grasp[:3, 3]) > 1e-6
     assert "<canvas" in plan.page().html and plan.cloud().shape[1] == 3
+    labels = plan.labels()
+    assert len(labels) == len(plan.cloud()) and labels.min() == -2
+    assert [np.sum(labels == number) for number in range(labels.max() + 1)] == [thing["point_count"] for thing in plan.answer["objects"]]
     empty = planner.plan_tsdf(np.zeros((40, 40, 40)))
     assert not len(empty) and empty.reason and empty.workspace_from_grasp.shape == (0, 4, 4)
     turned = planner.plan_cloud(plan.cloud(), eyes_m=[(0.15, -0.2, 0.5)], base_from_workspace=np.eye(4))

@@ -1,5 +1,6 @@
 """scripts/plan_rrd.py on a synthetic plan: the recording can be read back."""
 
+import io
 import json
 import subprocess
 import sys
@@ -12,11 +13,6 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install rer
 from rerun.experimental import RrdReader  # noqa: E402
 
 SCRIPT = Path(__file__).parents[2] / "scripts/plan_rrd.py"
-POINT = np.dtype([*((axis, "<f4") for axis in "xyz"), *((c, "u1") for c in ("red", "green", "blue")), ("label", "<i4")])
-HEADER = (
-    "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
-    "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty int label\nend_header\n"
-)
 
 
 def pose(*position_m):
@@ -47,15 +43,17 @@ def made_up_plan():
 
 
 def cloud(count):
-    points = np.zeros(count, POINT)
-    points["x"] = np.linspace(0, 0.3, count)
-    return HEADER.format(count).encode() + points.tobytes()
+    points = np.zeros((count, 4))
+    points[:, 0], points[:, 3] = np.linspace(0, 0.3, count), np.arange(count) % 14 - 2
+    file = io.BytesIO()
+    np.save(file, points)
+    return file.getvalue()
 
 
-def run(folder, plan, ply):
+def run(folder, plan, cloud):
     (folder / "plan.json").write_text(json.dumps(plan))
-    (folder / "cloud.ply").write_bytes(ply)
-    command = [sys.executable, SCRIPT, "plan.json", "--cloud", "cloud.ply", "--out", "plan.rrd"]
+    (folder / "cloud.npy").write_bytes(cloud)
+    command = [sys.executable, SCRIPT, "plan.json", "--cloud", "cloud.npy", "--out", "plan.rrd"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
 
 
@@ -116,6 +114,6 @@ def test_the_hand_is_the_plans(tmp_path):
 
 
 def test_what_is_no_plan_or_no_cloud_is_refused(tmp_path):
-    for plan, ply in [({**made_up_plan(), "format": "else"}, cloud(3)), (made_up_plan(), b"ply\n"), (made_up_plan(), cloud(3)[:-1])]:
-        done = run(tmp_path, plan, ply)
+    for plan, bad in [({**made_up_plan(), "format": "else"}, cloud(3)), (made_up_plan(), b"ply\n"), (made_up_plan(), cloud(3)[:-1])]:
+        done = run(tmp_path, plan, bad)
         assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use planner::cloud_file::write_ply;
 use planner::input::{
     BoxInput, ConeInput, InputError, OrientationInput, PlaceInput, PoseInput, PosePartsInput, ReadLens, Request,
     RequestInput, SourceInput, ViewInput, assemble, from_file, read_color, read_file, read_intrinsics,
@@ -169,10 +168,6 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", requires = "overlay")]
     color: Option<PathBuf>,
 
-    /// Write the segmented cloud, for MeshLab, CloudCompare, or scripts/plan_rrd.py
-    #[arg(long, value_name = "PLY")]
-    ply: Option<PathBuf>,
-
     /// Print no table
     #[arg(long, short)]
     quiet: bool,
@@ -193,9 +188,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
     if let Some(path) = &arguments.overlay {
         write(path, overlaid(&plan, &observation, arguments.color.as_deref(), &planner.config.gripper)?)?;
-    }
-    if let Some(path) = &arguments.ply {
-        write(path, write_ply(&plan))?;
     }
     if let Some(path) = &arguments.out {
         write(path, json(&plan)?)?;
@@ -358,7 +350,6 @@ Examples:
   graspmill plan --views views.toml --check-collisions --out plan.json
   graspmill plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain
   graspmill plan --tsdf scene.npy --config paper
-  graspmill plan --demo --out plan.json --ply cloud.ply && python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
   graspmill gripper franka_hand --picture hand.svg
   graspmill serve --port 8040
 
