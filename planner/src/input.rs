@@ -15,13 +15,9 @@ mod file;
 mod grey_png;
 mod lens_file;
 mod lists;
-mod lzf;
 mod mask;
 mod npy;
 mod options;
-mod pcd;
-mod ply;
-mod points;
 mod request;
 #[cfg(test)]
 mod tests;

@@ -22,6 +22,10 @@ def run(words: list[str]) -> int | None:
         from .formats.objects import run_native
 
         return ended(lambda: run_native(words), "stopped")
+    if "plan" in words[:2] and not is_help:
+        from .formats import captures
+
+        return ended(lambda: captures.run_native(words), "stopped")
     return None
 
 

@@ -25,7 +25,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", requires = "intrinsics")]
     depth: Option<PathBuf>,
 
-    /// Its camera's intrinsics: a ROS CameraInfo, a RealSense profile, a matrix, or fx_px, fy_px, cx_px, cy_px
+    /// Its camera's intrinsics: a matrix, or fx_px, fy_px, cx_px, cy_px in JSON or TOML; with the Python package also a
+    /// ROS CameraInfo, a RealSense profile, or what Open3D or OpenCV wrote
     #[arg(long, value_name = "FILE", requires = "depth")]
     intrinsics: Option<PathBuf>,
 
@@ -59,7 +60,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     tsdf: Option<PathBuf>,
 
-    /// Point cloud in the workspace frame: PLY, PCD or NPY, in metres
+    /// Point cloud in the workspace frame: NPY, with the Python package also PLY or PCD, in metres
     #[arg(long, value_name = "FILE")]
     cloud: Option<PathBuf>,
 
@@ -348,7 +349,7 @@ Examples:
   graspmill plan --depth depth.png --intrinsics camera.json --gripper franka_hand --overlay grasps.png
   graspmill plan --demo --html demo.html
   graspmill plan --views views.toml --check-collisions --out plan.json
-  graspmill plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain
+  graspmill plan --cloud table.npy --eye 0.15,-0.4,0.5 --explain
   graspmill plan --tsdf scene.npy --config paper
   graspmill gripper franka_hand --picture hand.svg
   graspmill serve --port 8040

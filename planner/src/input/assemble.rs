@@ -15,7 +15,6 @@ use crate::input::error::{InputError, refuse, shown};
 use crate::input::file::read_file;
 use crate::input::mask::read_mask;
 use crate::input::options::options;
-use crate::input::points::ReadCloud;
 use crate::input::request::{PlaceInput, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
 use crate::input::tsdf::read_tsdf;
 use crate::{BuiltIn, Mask, Observation, PlanOptions, PoseKey, Target, View};
@@ -247,32 +246,31 @@ impl Assembly<'_> {
         let eye = |(number, xyz): (usize, &[f64; 3])| point(*xyz, &format!("eyes_m[{number}]"));
         let eyes = |rows: &Vec<[f64; 3]>| rows.iter().enumerate().map(eye).collect::<Result<Vec<Vec3>, _>>();
         let given = self.input.eyes_m.as_ref().map(eyes).transpose()?;
-        let (mut points_m, eye_m) = self.points(cloud, "cloud")?;
+        let mut points_m = self.points(cloud, "cloud")?;
         let mut object_m = match &self.input.object {
             Some(_) if self.input.target_m.is_some() => {
                 return refuse("a request has either object or target_m: object");
             }
-            Some(object) => Some(self.points(object, "object")?.0),
+            Some(object) => Some(self.points(object, "object")?),
             None => None,
         };
         points_m.extend(object_m.iter().flatten());
-        let eyes_m = given.unwrap_or_else(|| eye_m.into_iter().collect());
-        let seen = Observation::Cloud { points_m, eyes_m };
+        let seen = Observation::Cloud { points_m, eyes_m: given.unwrap_or_default() };
         let Some(PlaceInput::Pose(place)) = &self.input.workspace_from_cloud else { return Ok((seen, object_m)) };
         let workspace_from_cloud = pose(place, "workspace_from_cloud")?;
         object_m.iter_mut().flatten().for_each(|at_m| *at_m = workspace_from_cloud * *at_m);
         Ok((moved(&seen, &workspace_from_cloud), object_m))
     }
 
-    /// The points of a file, and its viewpoint.
-    fn points(&mut self, source: &SourceInput, key: &str) -> Result<(Vec<Vec3>, Option<Vec3>), InputError> {
-        let ReadCloud { points_m, eye_m, dropped } = self.read(source, key, read_cloud)?;
+    /// The points of a file.
+    fn points(&mut self, source: &SourceInput, key: &str) -> Result<Vec<Vec3>, InputError> {
+        let (points_m, dropped) = self.read(source, key, read_cloud)?;
         if dropped > points_m.len() {
             let left = points_m.len();
             self.warnings
                 .push(format!("{dropped} points without finite coordinates were left out, {left} are left: {key}"));
         }
-        Ok((points_m, eye_m))
+        Ok(points_m)
     }
 }
 

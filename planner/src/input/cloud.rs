@@ -1,30 +1,29 @@
-//! Point clouds from PLY, PCD and NumPy files, distinguished by their first bytes. The declared number of points is
-//! checked against the file's length before memory is allocated.
+//! Point clouds from NumPy files. The shape is checked against the file's length before memory is allocated. The Python
+//! package makes such files of others.
 
 use schema::Vec3;
 
 use crate::input::error::{InputError, refuse};
-use crate::input::points::{ReadCloud, check_count};
-use crate::input::{npy, pcd, ply};
+use crate::input::npy;
 
-/// Reads a cloud.
+/// Maximum number of points of a cloud: 16 depth images of 640 x 480.
+const POINTS_MAX: usize = 5_000_000;
+
+/// Reads an array of points, in metres: one per row or, for an organised cloud, one per pixel; columns after the third
+/// are ignored. Points that are not finite are left out, and counted.
 ///
 /// # Errors
-/// [`InputError`] if the format is unknown, the bytes are damaged, or there are no coordinates or too many points.
-pub(crate) fn read_cloud(bytes: &[u8]) -> Result<ReadCloud, InputError> {
-    if npy::is_npy(bytes) {
-        read_array(bytes)
-    } else if ply::is_ply(bytes) {
-        ply::read_ply(bytes)
-    } else if pcd::is_pcd(bytes) {
-        pcd::read_pcd(bytes)
-    } else {
-        Err(InputError::Damaged("a cloud must be a PLY, PCD or NPY file, got other bytes".to_owned()))
+/// [`InputError`] if the bytes are no such array, or there are too many points.
+pub(crate) fn read_cloud(bytes: &[u8]) -> Result<(Vec<Vec3>, usize), InputError> {
+    if !npy::is_npy(bytes) {
+        let others: [&[u8]; 5] = [b"ply\n", b"ply\r", b"# .PCD", b"VERSION", b"FIELDS"];
+        let got = if others.iter().any(|begin| bytes.starts_with(begin)) {
+            "a PLY or PCD file: the program of the Python package (pip install graspmill) takes it as --cloud"
+        } else {
+            "other bytes"
+        };
+        return Err(InputError::Damaged(format!("a cloud must be an NPY file, got {got}")));
     }
-}
-
-/// An array of points, one per row or, for an organised cloud, one per pixel; columns after the third are ignored.
-fn read_array(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     let (header, data) = npy::split(bytes)?;
     let is_transposed = matches!(header.shape[..], [3 | 4, .., last] if last > 4);
     let (points, columns) = match header.shape[..] {
@@ -36,23 +35,25 @@ fn read_array(bytes: &[u8]) -> Result<ReadCloud, InputError> {
             return refuse(format!("a cloud must have the shape [N, 3] or [H, W, 3], got {shape:?}{hint}"));
         }
     };
-    check_count(points, data.len(), columns)?;
+    if points > POINTS_MAX {
+        return refuse(format!("a cloud must have at most {POINTS_MAX} points, got {points}"));
+    }
     let values = header.decode(data);
-    let points_m = values.chunks_exact(columns).map(|row| Vec3::new(row[0], row[1], row[2])).collect();
-    Ok(ReadCloud::of(points_m, None))
+    let rows = values.chunks_exact(columns).map(|row| Vec3::new(row[0], row[1], row[2]));
+    let points_m: Vec<Vec3> = rows.filter(|point| point.is_finite()).collect();
+    let dropped = points - points_m.len();
+    Ok((points_m, dropped))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::input::points::POINTS_MAX;
     use crate::input::tests::npy_of;
 
     #[test]
     fn arrays_give_their_first_three_columns() {
         let rows = [1.0, 2.0, 3.0, 9.0, 4.0, f32::NAN, 6.0, 9.0, 7.0, 8.0, 9.0, 9.0];
-        let wanted =
-            ReadCloud { points_m: vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(7.0, 8.0, 9.0)], eye_m: None, dropped: 1 };
+        let wanted = (vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(7.0, 8.0, 9.0)], 1);
         assert_eq!(read_cloud(&npy_of(&[3, 4], &rows)).unwrap(), wanted);
         assert_eq!(read_cloud(&npy_of(&[1, 3, 4], &rows)).unwrap(), wanted);
     }
@@ -67,13 +68,14 @@ mod tests {
             let message = message(&npy_of(transposed, &zeros));
             assert!(message.contains(&format!("got {transposed:?}: is it transposed?")), "{message}");
         }
-        assert!(message(b"solid stl").contains("PLY, PCD or NPY"));
-    }
-
-    #[test]
-    fn too_many_points_are_refused() {
-        assert!(check_count(POINTS_MAX, usize::MAX, 12).is_ok());
-        assert!(matches!(check_count(POINTS_MAX + 1, usize::MAX, 12), Err(InputError::Value(_))));
-        assert!(matches!(check_count(10, 119, 12), Err(InputError::Damaged(_))));
+        assert_eq!(message(b"solid stl"), "a cloud must be an NPY file, got other bytes");
+        for other in [&b"ply\nformat ascii 1.0\n"[..], b"ply\r\n", b"# .PCD v0.7\n", b"VERSION 0.7\n"] {
+            assert!(message(other).contains("got a PLY or PCD file: the program of the Python package"));
+        }
+        let mut many = npy_of(&[POINTS_MAX + 1, 3], &[]);
+        let dtype = many.windows(3).position(|word| word == b"<f4").unwrap();
+        many[dtype..dtype + 3].copy_from_slice(b"|u1");
+        many.resize(many.len() + 3 * (POINTS_MAX + 1), 0);
+        assert!(message(&many).contains("at most 5000000 points, got 5000001"));
     }
 }

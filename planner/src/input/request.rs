@@ -37,7 +37,7 @@ pub struct RequestInput {
     /// A TSDF instead: an NPY file of shape [40, 40, 40] or [1, 40, 40, 40] in VGN's values, 0 to 1; of another
     /// workspace as many voxels as it has.
     pub tsdf: Option<SourceInput>,
-    /// A point cloud instead: a PLY, PCD or NPY file, in metres.
+    /// A point cloud instead: an NPY file of shape [N, 3] or [H, W, 3], in metres.
     pub cloud: Option<SourceInput>,
     /// What to grasp: a cloud of the one object, in the frame of `cloud`, which has the rest of the scene and may have
     /// the object, too.
@@ -52,7 +52,8 @@ pub struct RequestInput {
     /// The first camera, or that of the cloud, in the robot's base frame, where the table is found: grasps are given
     /// in the base's frame, too, and gravity is along its -z unless `down` is given.
     pub base_from_camera: Option<PoseInput>,
-    /// Positions of the sensors that saw the cloud, at most 32; by default the viewpoint of a PCD file.
+    /// Positions of the sensors that saw the cloud, at most 32; by default the origin of its own frame, or straight
+    /// above.
     #[serde(default, deserialize_with = "rows::<_, 3, EYES_MAX>")]
     pub eyes_m: Option<Vec<[f64; 3]>>,
     /// Side of the workspace, in metres, 0.2 to 1.2. By default networks of voxels look at 0.3 m, and a judge at all

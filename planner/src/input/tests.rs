@@ -10,7 +10,6 @@ use crate::input::cloud::read_cloud;
 use crate::input::depth::read_depth;
 use crate::input::lens_file::read_intrinsics;
 use crate::input::tsdf::read_tsdf;
-use crate::input::{pcd, ply};
 
 /// An array file (version 1.0, `<f4`, C order) of these values.
 pub(crate) fn npy_of(shape: &[usize], values: &[f32]) -> Vec<u8> {
@@ -87,21 +86,9 @@ fn damaged_depth_images_are_answered() {
 
 #[test]
 fn damaged_clouds_and_grids_are_answered() {
-    let files = [
-        pcd::tests::binary(),
-        pcd::tests::compressed(),
-        ply::tests::binary("binary_little_endian", f32::to_le_bytes, f64::to_le_bytes),
-        ply::tests::binary("binary_big_endian", f32::to_be_bytes, f64::to_be_bytes),
-        b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
-          1 2 3\n"
-            .to_vec(),
-        npy_of(&[4, 3], &[0.5; 12]),
-    ];
-    for file in files {
-        for_each_damage(&file, 2000, |bytes| {
-            let _ = read_cloud(bytes);
-        });
-    }
+    for_each_damage(&npy_of(&[4, 3], &[0.5; 12]), 2000, |bytes| {
+        let _ = read_cloud(bytes);
+    });
     let small = Grid { resolution: 2, ..Grid::PAPER };
     for_each_damage(&npy_of(&[2; 3], &[0.5; 8]), 2000, |bytes| {
         let _ = read_tsdf(bytes, small);
@@ -111,9 +98,9 @@ fn damaged_clouds_and_grids_are_answered() {
 #[test]
 fn damaged_intrinsics_are_answered() {
     let files = [
-        &b"header:\n  seq: 0\nheight: 3\nwidth: 4\nK: [5.0, 0.0, 2.0, 0.0, 5.0, 1.5, 0.0, 0.0, 1.0]\n---\n"[..],
+        &b"[[5.0, 0.0, 2.0], [0.0, 5.0, 1.5], [0.0, 0.0, 1.0]]"[..],
         &npy_of(&[3, 4], &[0.5; 12]),
-        br#"{ "K": [1, 0, 0] }"#,
+        br#"{ "fx_px": 5, "distortion_coefficients": [1, 0, 0] }"#,
         b"fx_px = 1",
     ];
     for file in files {
