@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
-"""Makes a Rerun recording of a view for the Rerun viewer.
+"""Makes a Rerun recording of a replay for the Rerun viewer.
 
-    graspmill dataset view grasps --scene 17 --json --out scene.json           # or
     graspmill dataset replay grasps --attempt 17/3 --json --out attempt.json
     python scripts/view_rrd.py attempt.json --out attempt.rrd
     rerun attempt.rrd
@@ -131,7 +130,7 @@ def read_view(path: Path) -> dict:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("view", type=Path, help="what `graspmill dataset view --json` or `graspmill dataset replay --json` wrote")
+    parser.add_argument("view", type=Path, help="what `graspmill dataset replay --json` wrote")
     parser.add_argument("--out", type=Path, required=True, help="the recording (.rrd)")
     args = parser.parse_args()
     view = read_view(args.view)

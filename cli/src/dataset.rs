@@ -9,7 +9,6 @@ mod repeat;
 mod replay;
 mod report;
 mod verify;
-mod view;
 
 use clap::Subcommand;
 use program::{ExitCode, Failure};
@@ -21,7 +20,6 @@ use shards::Location;
 pub(crate) enum Command {
     Verify(verify::Arguments),
     Report(report::Arguments),
-    View(view::Arguments),
     Browse(browse::Arguments),
     Replay(replay::Arguments),
     Repeat(repeat::Arguments),
@@ -39,7 +37,6 @@ Examples:
   graspmill dataset report grasps --html r.html the same as a page, with pictures of scenes
   graspmill dataset browse grasps --out pages   scenes, replays and the report as pages that lead to each other
   graspmill dataset browse mugs --out pages     objects of objects annotate with their grasps, as such pages
-  graspmill dataset view grasps --scene 17 --out scene.html   one scene in 3-D, for a browser
   graspmill dataset replay grasps --attempt 7/12 --out attempt.html    one attempt, for a browser
   graspmill dataset verify s3://bucket/grasps   the same in an object store
   graspmill dataset missing grasps              the shards that remain to be made
@@ -50,7 +47,6 @@ impl Command {
         match self {
             Self::Verify(arguments) => verify::run(arguments),
             Self::Report(arguments) => report::run(arguments),
-            Self::View(arguments) => view::run(arguments),
             Self::Browse(arguments) => browse::run(arguments),
             Self::Replay(arguments) => replay::run(arguments),
             Self::Repeat(arguments) => repeat::run(arguments),

@@ -47,7 +47,7 @@ impl Report {
         let how = if browsed.is_some() {
             "A picture leads to its scene, which can be turned; a grasp there leads to its replay."
         } else {
-            "\"graspmill dataset view DIR --scene N\" shows a scene that can be turned, \"graspmill dataset browse DIR\" many that lead to each other."
+            "\"graspmill dataset browse DIR\" shows scenes that can be turned, with replays."
         };
         let shown = match browsed {
             Some(scenes) => spread(scenes, SCENES_SHOWN),

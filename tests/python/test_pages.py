@@ -20,7 +20,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 # Disables Chromium's own requests, which would be counted.
 QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
 SCREENS = {"desktop": (1280, 900), "phone": (390, 800)}
-PAGES = ["report", "view", "replay", "experiment", "index", "scene", "scene-replay"]
+PAGES = ["report", "replay", "experiment", "index", "scene", "scene-replay"]
 
 
 def run(*words: object) -> None:
@@ -42,7 +42,6 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     data = DATASET
     made = {name: folder / f"{name}.html" for name in PAGES}
     run(program("shards"), "report", data, "--html", made["report"])
-    run(program("shards"), "view", data, "--scene", 1, "--out", made["view"])
     run(program("generator"), "replay", data, "--attempt", held(data), "--out", made["replay"])
     browsed, shown = folder / "browsed", held(data).split("/")
     run(program("shards"), "browse", data, "--out", browsed, "--scene", shown[0], "--scene", 1, "--scene", 2)
@@ -166,7 +165,7 @@ def test_the_report_shows_what_the_json_says(browser, pages) -> None:
 
 
 def test_a_scene_turns_and_a_replay_plays(browser, pages) -> None:
-    page, _ = opened(browser, pages, "view")
+    page, _ = opened(browser, pages, "scene")
     canvas = page.locator("canvas").first
     before = canvas.screenshot()
     box = canvas.bounding_box()

@@ -65,32 +65,6 @@ fn a_report_is_a_page_that_holds_its_numbers_and_needs_nothing_else() {
 }
 
 #[test]
-fn a_view_is_a_page_or_json() {
-    let dir = dataset();
-    let out = dir.path().join("scene.html");
-    let output = shards(&["view", text(dir.path()), "--scene", "3", "--out", text(&out)]);
-    assert!(output.status.success(), "{output:?}");
-    let page = std::fs::read_to_string(&out).unwrap();
-    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"), "{}", &page[..100]);
-    let json = shards(&["view", text(dir.path()), "--scene", "3", "--json"]);
-    let json = String::from_utf8(json.stdout).unwrap();
-    let view: report::view::View = serde_json::from_str(&json).unwrap();
-    assert_eq!((view.format.as_str(), view.frames.len()), (report::view::FORMAT, 0));
-    assert!(page.contains(json.trim_end()), "the page shows what the JSON says");
-    let output = shards(&["view", text(dir.path()), "--scene", "30", "--json"]);
-    assert_eq!(output.status.code(), Some(78));
-    assert_eq!(String::from_utf8(output.stderr).unwrap(), "error: scene must be below 30, got 30\n");
-    let again = shards(&["view", text(dir.path()), "--scene", "3", "--out", text(&out)]);
-    assert!(again.status.success() && std::fs::read_to_string(&out).unwrap() == page, "the same bytes again");
-    assert_eq!(shards(&["view", text(dir.path()), "--scene", "30", "--json"]).status.code(), Some(78));
-    assert_eq!(shards(&["view", text(dir.path()), "--scene", "3"]).status.code(), Some(2), "neither --out nor --json");
-    let nowhere = dir.path().join("no/scene.html");
-    let output = shards(&["view", text(dir.path()), "--scene", "3", "--out", text(&nowhere)]);
-    assert_eq!(output.status.code(), Some(78), "{output:?}");
-    assert!(String::from_utf8(output.stderr).unwrap().starts_with("error: failed to write "));
-}
-
-#[test]
 fn scenes_are_browsed_as_pages_that_lead_to_each_other() {
     let dir = dataset();
     let out = dir.path().join("pages");
@@ -202,7 +176,7 @@ fn export_says_who_does_it() {
 #[test]
 fn help_shows_examples_and_exit_codes() {
     let help = String::from_utf8(shards(&["--help"]).stdout).unwrap();
-    for part in ["Examples:", "graspmill dataset view grasps --scene 17", "Exit codes:", "65  data damaged"] {
+    for part in ["Examples:", "graspmill dataset browse grasps --out pages", "Exit codes:", "65  data damaged"] {
         assert!(help.contains(part), "{help}");
     }
 }
