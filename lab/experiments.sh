@@ -11,7 +11,7 @@ out=${1:?where the runs go}
 shift
 wanted=("$@")
 here=$(cd "$(dirname "$0")/.." && pwd)
-experiments=${EXPERIMENTS:-$here/target/release/experiments}
+graspmill=${GRASPMILL:-$here/target/release/graspmill}
 
 # run NAME CONFIG PROTOCOL [--set KEY=VALUE …]
 run() {
@@ -23,7 +23,7 @@ run() {
         [ -n "$hit" ] || return 0
     fi
     echo "== $name" >&2
-    "$experiments" run "$here/configs/experiment/$config.toml" --out "$out/$name" --set "protocol=$protocol" "$@" > /dev/null
+    "$graspmill" experiment run "$here/configs/experiment/$config.toml" --out "$out/$name" --set "protocol=$protocol" "$@" > /dev/null
 }
 
 # VGN's network with its own threshold, 0.9, and with 0.5; the paper's with its own, 0.9, and Eq. 8; its layers with

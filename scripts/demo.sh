@@ -21,7 +21,7 @@ say "2/6 generating 2,400 grasp attempts in 40 scenes"
 "$bin/generator" --config configs/generate/demo.toml --out "$data"
 
 say "3/6 verifying every byte and row"
-"$bin/shards" verify "$data"
+"$bin/graspmill" dataset verify "$data"
 
 say "4/6 training"
 "$bin/trainer" fit --data "$data" --config configs/train/quick.toml --run "$run" --resume
@@ -30,8 +30,8 @@ say "5/6 evaluating the best checkpoint on attempts that it has not seen"
 "$bin/trainer" evaluate --data "$data" --run "$run" --checkpoint best
 
 say "6/6 pages, and a plan by the built-in judge of images that come with it"
-"$bin/shards" browse "$data" --out "$folder/pages"
-"$bin/planner" plan --demo --out "$folder/plan.json" --html "$folder/plan.html"
+"$bin/graspmill" dataset browse "$data" --out "$folder/pages"
+"$bin/graspmill" plan --demo --out "$folder/plan.json" --html "$folder/plan.html"
 
 say "done in $((SECONDS - start)) s; open these"
 cat <<END

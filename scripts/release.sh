@@ -14,7 +14,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 root=$PWD
 out=$(mkdir -p "${1:-dist}" && cd "${1:-dist}" && pwd)
-names=(generator shards trainer planner experiments)
+names=(generator trainer)
 documents=(README.md CHANGELOG.md ARCHITECTURE.md CONTRIBUTING.md LICENSE-MIT LICENSE-APACHE)
 folders=(configs models docs scripts)
 
@@ -62,7 +62,7 @@ say "2/4 gathering"
 folder=$stage/$name
 mkdir -p "$folder"/{bin,share/man/man1,share/completions}
 install -m 755 "$built/graspmill" "$folder/bin/graspmill"
-# The same program under the names of earlier versions.
+# The same program under the names of parts.
 for name_of_part in "${names[@]}"; do ln -s graspmill "$folder/bin/$name_of_part"; done
 "$folder/bin/graspmill" manual man "$folder/share/man/man1"
 for shell in bash zsh fish; do

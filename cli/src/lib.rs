@@ -80,8 +80,7 @@ Examples:
   graspmill plan --demo --html demo.html
   graspmill experiment run configs/experiment/pile.toml --out runs/pile
 
-The names of earlier versions work, too: generator for graspmill generate, shards for graspmill dataset, trainer, planner and \
-experiments.
+Called by the name generator it is graspmill generate; by the name trainer, graspmill.
 
 GRASPMILL_LOG=info shows more on standard error.";
 

@@ -177,7 +177,7 @@ pub fn import_objects(
 }
 
 const HEAD: &str = "\
-# Objects made of meshes by `generator import-objects`; configs/objects/everyday.toml says what the keys mean. Masses, friction
+# Objects made of meshes by `graspmill objects import`; configs/objects/everyday.toml says what the keys mean. Masses, friction
 # and names may be changed by hand; sets of objects may be added.
 ";
 

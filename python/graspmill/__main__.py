@@ -21,7 +21,7 @@ def main() -> int:
     """Runs the command that the arguments name; returns its exit code."""
     if sys.argv[1:3] == ["dataset", "export"]:
         return _export(sys.argv[3:])
-    if sys.argv[1:3] in (["experiment", "run"], ["experiments", "run"]) and _asks_another(sys.argv[3:]):
+    if sys.argv[1:3] == ["experiment", "run"] and _asks_another(sys.argv[3:]):
         return _experiment(sys.argv[3:])
     from graspmill import _annotate_command, _commands, _native
 

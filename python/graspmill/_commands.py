@@ -8,15 +8,13 @@ from typing import Callable
 
 from .errors import GraspmillError
 
-#: By their words, and by those of earlier versions.
-_EXPORT = (["weights", "export"], ["trainer", "export"])
-_OBJECTS = (["objects", "import"], ["objects", "annotate"], ["generator", "import-objects"], ["generator", "annotate"])
+_OBJECTS = (["objects", "import"], ["objects", "annotate"])
 
 
 def run(words: list[str]) -> int | None:
     """Runs the command that the words name; returns its exit code, or ``None`` if it is the native half's alone."""
     is_help = bool({"-h", "--help"} & set(words))
-    if words[:2] in _EXPORT and not is_help and {"onnx", "--format=onnx"} & set(words):
+    if words[:2] == ["weights", "export"] and not is_help and {"onnx", "--format=onnx"} & set(words):
         return ended(lambda: _export_onnx(words[2:]), "stopped")
     if words[:2] in _OBJECTS and not is_help:
         from .formats.objects import run_native

@@ -144,7 +144,7 @@ class Case:
 
 
 def verify(folder):
-    ended = run("shards", "verify", folder)
+    ended = run("graspmill", "dataset", "verify", folder)
     assert "panicked" not in ended.stderr, ended
     return ended.returncode
 

@@ -1,4 +1,4 @@
-"""A running `planner serve`, requests for tests, and the required form of its errors."""
+"""A running `graspmill serve`, requests for tests, and the required form of its errors."""
 
 import base64
 import http.client
@@ -16,17 +16,17 @@ import numpy as np
 from PIL import Image
 from programs import PROGRAMS, ROOT
 
-PLANNER = PROGRAMS / "planner"
+PROGRAM = PROGRAMS / "graspmill"
 DEMO = ROOT / "planner" / "demo"
 JSON = {"Content-Type": "application/json"}
 
 
 class Service:
-    """A running `planner serve`."""
+    """A running `graspmill serve`."""
 
     def __init__(self, folder, *args):
         self.log = folder / "log.txt"
-        command = [str(word) for word in (PLANNER, "serve", "--port", "0", *args)]
+        command = [str(word) for word in (PROGRAM, "serve", "--port", "0", *args)]
         with open(self.log, "w") as log:
             self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
         line = self.process.stdout.readline()

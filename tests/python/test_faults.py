@@ -506,7 +506,7 @@ def damages(name, case, other, rng, factor):
 
 
 def test_damage_is_found(four, other, tmp_path, factor):
-    """`shards verify` finds every damage to every file that it reads, ends with the right code, and names the shard."""
+    """`dataset verify` finds every damage to every file that it reads, ends with the right code, and names the shard."""
     names = [name for name in four.whole if name not in (faults.CARD, "_SUCCESS")]
     names = [name for name in names if factor > 1 or "0000" not in name or name in four.files_of(1)]
     gone = {"meta/manifest.json": INCOMPLETE, "meta/info.json": CONFIG}
@@ -521,7 +521,7 @@ def test_damage_is_found(four, other, tmp_path, factor):
             (out / name).unlink(missing_ok=True)
             if data is not None:
                 (out / name).write_bytes(data)
-            ended = run("shards", "verify", out)
+            ended = run("graspmill", "dataset", "verify", out)
             code = gone.get(name, DATA) if data is None else DATA
             found = [] if ended.returncode == code else [f"ended with {ended.returncode}, not {code}"]
             found += ["panicked"] if "panicked" in ended.stderr else []
@@ -532,4 +532,4 @@ def test_damage_is_found(four, other, tmp_path, factor):
     results = faults.side_by_side(check, names)
     times, problems = sum(n for n, _ in results), [problem for _, found in results for problem in found]
     assert times >= (80 if factor == 1 else 200)
-    record("damaged files: found by `shards verify`", times, problems, files=len(names))
+    record("damaged files: found by `dataset verify`", times, problems, files=len(names))

@@ -16,14 +16,14 @@ RENAMES = "rename,renameat,renameat2"
 
 @needs_strace
 def test_a_read_that_fails_once_is_never_ok(tmp_path, factor):
-    """`shards verify` while the n-th read of a shard's table fails, in a long run for every n: it never says ok, and
+    """`dataset verify` while the n-th read of a shard's table fails, in a long run for every n: it never says ok, and
     tells the error."""
 
     def work(name):
         path, problems, log = DATASET / name, [], tmp_path / f"{Path(name).parts[0]}.log"
         for number in range(1, 1000, step_of(factor)):
             fault = ["-P", path, "-e", "trace=read,pread64", "-e", f"inject=read,pread64:error=EIO:when={number}"]
-            ended = run("shards", "verify", DATASET, before=["strace", "-f", "-qq", "-o", log, *fault])
+            ended = run("graspmill", "dataset", "verify", DATASET, before=["strace", "-f", "-qq", "-o", log, *fault])
             if "INJECTED" not in log.read_text():
                 assert ended.returncode == OK, ended
                 return (number - 1) // step_of(factor), problems
@@ -36,7 +36,7 @@ def test_a_read_that_fails_once_is_never_ok(tmp_path, factor):
     times = [count for count, _ in results]
     assert min(times) >= (1 if factor == 1 else 2), times
     problems = [problem for _, found in results for problem in found]
-    record("a read of a table fails once under `shards verify`: code 65 or 75", sum(times), problems)
+    record("a read of a table fails once under `dataset verify`: code 65 or 75", sum(times), problems)
 
 
 @needs_strace

@@ -39,8 +39,8 @@ def grids():
     return np.stack(values).astype(np.float32).reshape(3, 1, 40, 40, 40)
 
 
-def trainer(*args):
-    command = [sys.executable, "-m", "graspmill", "trainer", *args]
+def exchange(*args):
+    command = [sys.executable, "-m", "graspmill", "weights", *args]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{args}: {done.returncode}: {done.stderr}"
     return done.stdout
@@ -53,9 +53,9 @@ def folder(tmp_path_factory):
     save_file(weights(), place / "weights.safetensors")
     for mode in MODES:
         checkpoint = place / mode / "best.safetensors"
-        trainer("import", place / "weights.safetensors", "--upsampling", mode, "--out", checkpoint)
+        exchange("import", place / "weights.safetensors", "--upsampling", mode, "--out", checkpoint)
         for format in ("safetensors", "onnx"):
-            trainer("export", checkpoint, "--format", format, "--out", place / f"{mode}.{format}")
+            exchange("export", checkpoint, "--format", format, "--out", place / f"{mode}.{format}")
     return place
 
 
@@ -95,24 +95,24 @@ def test_an_onnx_model_says_what_it_takes_and_where_it_comes_from(folder, mode):
 
 def test_an_export_is_the_same_again_and_replaces_a_file_only_if_it_shall(folder, tmp_path):
     export = ("export", folder / "linear/best.safetensors", "--format=onnx", "--out", tmp_path / "deeper/net.onnx")
-    assert "upsampling  linear" in trainer(*export)
+    assert "upsampling  linear" in exchange(*export)
     assert (tmp_path / "deeper/net.onnx").read_bytes() == (folder / "linear.onnx").read_bytes()
     for words, code, message in (
         (export, 78, "there is a file already"),
         (("export", tmp_path / "none", *export[2:]), 78, "no checkpoint here"),
         (("export", folder / "weights.safetensors", *export[2:]), 65, "not a checkpoint"),
     ):
-        command = [sys.executable, "-m", "graspmill", "trainer", *map(str, words)]
+        command = [sys.executable, "-m", "graspmill", "weights", *map(str, words)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == code and message in done.stderr, done
-    trainer(*export, "--force")
+    exchange(*export, "--force")
 
 
 def test_a_zero_rotation_is_not_divided_by_zero(folder, tmp_path):
     dead = {name: np.zeros_like(values) for name, values in weights().items()}
     save_file(dead, tmp_path / "dead.safetensors")
-    trainer("import", tmp_path / "dead.safetensors", "--out", tmp_path / "checkpoint")
-    trainer("export", tmp_path / "checkpoint", "--format", "onnx", "--out", tmp_path / "dead.onnx")
+    exchange("import", tmp_path / "dead.safetensors", "--out", tmp_path / "checkpoint")
+    exchange("export", tmp_path / "checkpoint", "--format", "onnx", "--out", tmp_path / "dead.onnx")
     quality, rotation, width = session(tmp_path / "dead.onnx").run(list(OUTPUTS), {"tsdf": grids()[:1]})
     assert (quality == 0.5).all() and (rotation == 0.0).all() and (width == 0.0).all()
 
@@ -191,7 +191,7 @@ def test_what_pytorch_saves_comes_back_bit_by_bit(tmp_path, zipped, wrapped, tor
     saved = {"epoch": 7, "state_dict": {f"module._orig_mod.{name}": tensor for name, tensor in state.items()}} if wrapped else state
     torch.save(saved, tmp_path / "net.pth", _use_new_zipfile_serialization=zipped)
     graspmill.VoxelNetwork.load(tmp_path / "net.pth").save(tmp_path / "net.safetensors")
-    said = trainer("import", tmp_path / "net.safetensors", "--out", tmp_path / "checkpoint.safetensors")
+    said = exchange("import", tmp_path / "net.safetensors", "--out", tmp_path / "checkpoint.safetensors")
     assert "nearest" in said and "50 mm behind the tips, at 0 of its voxel" in said
     read = load_file(tmp_path / "checkpoint.safetensors")
     assert read.keys() == state.keys()

@@ -1,4 +1,4 @@
-"""A judge in ONNX, given what scripts/judge_onnx.py computes, says what `planner plan` says.
+"""A judge in ONNX, given what scripts/judge_onnx.py computes, says what `graspmill plan` says.
 
     python -m pytest tests/python/test_judge_onnx.py
 """

@@ -30,10 +30,10 @@ TEXT = {ord(letter) for letter in "\n\t"}
 QUICK = Path(__file__).parents[2] / "configs/train/quick.toml"
 
 COMMANDS = [
-    "shards verify {data}",
-    "shards report {data}",
-    "shards report {data} --html {out}/report.html",
-    "shards browse {data} --scene 2 --scene 7 --no-replays --out {out}/pages",
+    "graspmill dataset verify {data}",
+    "graspmill dataset report {data}",
+    "graspmill dataset report {data} --html {out}/report.html",
+    "graspmill dataset browse {data} --scene 2 --scene 7 --no-replays --out {out}/pages",
     "graspmill dataset export {data} --format vgn --out {out}/vgn",
     "graspmill dataset export {data} --format parquet --out {out}/plain",
     "graspmill dataset export {data} --format mjcf --scenes 6 --out {out}/scenes",
@@ -54,6 +54,12 @@ code = os.spawnvp(os.P_WAIT, sys.argv[2], sys.argv[2:])
 with open(sys.argv[1], "w") as told:
     told.write(f"{code} {resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss}")
 """
+
+
+def words_of(line, **places):
+    """A line's command; the package's program has the exports."""
+    name, *words = (word.format(**places) for word in line.split())
+    return [*([sys.executable, "-m", name] if "export" in words else [program(name)]), *words]
 
 
 def ended(command, log):
@@ -94,11 +100,7 @@ def check(number, folder):
     for line in COMMANDS:
         out = here / "out"
         out.mkdir()
-        name, *words = line.split()
-        # That of the package has the exports.
-        called = [sys.executable, "-m", name] if name == "graspmill" else [program(name)]
-        command = [*called, *(word.format(data=here / "data", out=out, quick=QUICK) for word in words)]
-        code, memory, printed = ended(command, here / "log")
+        code, memory, printed = ended(words_of(line, data=here / "data", out=out, quick=QUICK), here / "log")
         codes[code] += 1
         problems += [
             f"mutant {number} ({what!a}): {line} {fault}: {printed[-300:]!r}" for fault in faults(code, memory, printed)
@@ -142,12 +144,8 @@ def test_a_mutant_that_is_only_mended_is_the_dataset(tmp_path):
 def test_stored_settings_are_held_to_the_configs_ranges(tmp_path, key, value):
     mutant = Mutant(DATASET, tmp_path / "data")
     mutant.set_info(key, value)
-    for line in ("shards verify {data}", "generator repeat {data}"):
-        name, *words = line.split()
-        # That of the package has the exports.
-        called = [sys.executable, "-m", name] if name == "graspmill" else [program(name)]
-        command = [*called, *(word.format(data=tmp_path / "data", out=tmp_path / "out") for word in words)]
-        code, memory, printed = ended(command, tmp_path / "log")
+    for line in ("graspmill dataset verify {data}", "generator repeat {data}"):
+        code, memory, printed = ended(words_of(line, data=tmp_path / "data", out=tmp_path / "out"), tmp_path / "log")
         assert code == 65 and memory < MEMORY_BYTES, printed
         assert f"{key} must be between".encode() in printed and f"got {value:.0f}".encode() in printed, printed
 
@@ -157,7 +155,7 @@ def test_memory_does_not_follow_the_rows(tmp_path):
     mutant = Mutant(DATASET, tmp_path / "data")
     mutant.many_attempts(20, 100_000)
     limit = lambda: resource.setrlimit(resource.RLIMIT_DATA, (160 << 20, 160 << 20))
-    command = [program("shards"), "verify", mutant.folder]
+    command = [program("graspmill"), "dataset", "verify", mutant.folder]
     ended = subprocess.run(command, preexec_fn=limit, capture_output=True, text=True, timeout=TIME_S)
     assert ended.returncode == 0 and "2000000 attempts" in ended.stdout, ended
 
@@ -176,9 +174,9 @@ REPLACED = [
 def test_special_files_neither_block_nor_fill_the_memory(tmp_path, name, kind):
     mutant = Mutant(DATASET, tmp_path / "data")
     mutant.replace(name, kind)
-    for line in ("shards verify {data}", "generator finalize {data}", "generator missing {data}", "shards report {data}"):
-        command = [program(line.split()[0]), *(word.format(data=tmp_path / "data") for word in line.split()[1:])]
-        code, memory, printed = ended(command, tmp_path / "log")
+    for command in ("verify", "finalize", "missing", "report"):
+        line = f"graspmill dataset {command} {{data}}"
+        code, memory, printed = ended(words_of(line, data=tmp_path / "data"), tmp_path / "log")
         assert code in {0, 65, 69, 78} and memory < 1 << 30, (line, code, memory, printed)
 
 

@@ -148,7 +148,7 @@ def test_a_plan_is_the_programs_plan_and_its_grasps_hold(planner, scene, tmp_pat
         f"[intrinsics]\nfx_px = 540.0\nfy_px = 540.0\ncx_px = 320.0\ncy_px = 240.0\n[[views]]\ndepth = 'depth.npy'\n"
         f"workspace_from_camera = {{ position_m = {position}, quaternion_xyzw = {quaternion} }}\n"
     )
-    words = [sys.executable, "-m", "graspmill", "planner", "plan", "--views", tmp_path / "views.toml", "--json", "--quiet", "--explain"]
+    words = [sys.executable, "-m", "graspmill", "plan", "--views", tmp_path / "views.toml", "--json", "--quiet", "--explain"]
     said = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     assert json.loads(said) == json.loads(plan.to_json())
     avoided = planner.plan(depth, camera, avoid=plan.workspace_from_grasp[:1])
@@ -201,7 +201,7 @@ def test_a_dataset_goes_on_where_it_was_stopped_and_is_that_of_the_program(tmp_p
         graspmill.Dataset(tmp_path / "a")
     made = graspmill.generate(tmp_path / "a", **arguments)
     assert made.verify() == []
-    words = [sys.executable, "-m", "graspmill", "generator", "--shards", "2", "--attempts", "6000", "--seed", "3", "--out"]
+    words = [sys.executable, "-m", "graspmill", "generate", "--shards", "2", "--attempts", "6000", "--seed", "3", "--out"]
     sets = ["--set", "objects.counts=[2, 3]", "--set", "objects.count_weights=[1.0, 1.0]"]
     subprocess.run([*words, tmp_path / "b", *sets], check=True, capture_output=True)
     for file in sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*.parquet")):
@@ -237,7 +237,7 @@ def test_the_program_is_there_under_all_its_names(dataset, tmp_path):
     where = dataset._native.location
     subprocess.run([script, "dataset", "browse", where, "--scenes", "1", "--out", tmp_path / "pages"], check=True, capture_output=True)
     assert list((tmp_path / "pages").glob("scene-*.html"))
-    assert subprocess.run([script, "shards", "verify", tmp_path], capture_output=True).returncode == 78
+    assert subprocess.run([script, "dataset", "verify", tmp_path], capture_output=True).returncode == 78
     assert subprocess.run([script, "grinder"], capture_output=True).returncode == 2
 
 
@@ -439,7 +439,7 @@ def test_limits_are_the_programs(planner, tmp_path):
     view = {"depth": "depth.npy", "mask": "mask.npy", "workspace_from_camera": camera.workspace_from_camera.tolist()}
     lens = {"fx_px": 540, "fy_px": 540, "cx_px": 320, "cy_px": 240}
     (tmp_path / "views.json").write_text(json.dumps({"views": [view], "intrinsics": lens}))
-    words = [sys.executable, "-m", "graspmill", "planner", "plan", "--views", tmp_path / "views.json", "--json", "--quiet"]
+    words = [sys.executable, "-m", "graspmill", "plan", "--views", tmp_path / "views.json", "--json", "--quiet"]
     words += ["--approach", "0,0,-1,0.4", "--keep-out", "0,1,0,0.03", "--reach", "0,0,0,0.3,0.3,0.3"]
     said = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
     ours = planner.plan(

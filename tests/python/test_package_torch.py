@@ -26,7 +26,7 @@ def dataset(tmp_path_factory):
 
 def test_the_split_is_the_trainers(dataset, tmp_path):
     run = tmp_path / "run"
-    words = [*PROGRAM, "trainer", "fit", "--data", dataset._native.location, "--run", run, "--epochs", "1"]
+    words = [*PROGRAM, "fit", "--data", dataset._native.location, "--run", run, "--epochs", "1"]
     subprocess.run(words, capture_output=True, check=True)
     metrics = json.loads((run / "metrics.jsonl").read_text().splitlines()[0])
     counts = {split: gt.GraspStream(dataset, split).sample_count for split in ("train", "test-attempts", "test-scenes")}
@@ -173,7 +173,7 @@ def test_crops_are_what_the_trainers_judge_sees(dataset, tmp_path):
         assert np.array_equal(item["features"], seen.features[0]) and bool(item["hits_table"]) == seen.hits_table[0]
         assert graspmill.OUTCOMES[int(item["outcome"])] == row["outcome"] and int(item["label"]) == row["label"]
     config = Path(__file__).parents[2] / "configs" / "train" / "judge.toml"
-    words = [*PROGRAM, "trainer", "fit", "--config", config, "--data", dataset._native.location, "--run", tmp_path / "run"]
+    words = [*PROGRAM, "fit", "--config", config, "--data", dataset._native.location, "--run", tmp_path / "run"]
     subprocess.run([*words, "--epochs", "1"], capture_output=True, check=True)
     metrics = json.loads((tmp_path / "run" / "metrics.jsonl").read_text().splitlines()[0])
     for split in ("train", "test-attempts", "test-scenes"):
@@ -203,9 +203,9 @@ def test_a_stream_of_hands_is_seeded_and_mirrored(dataset, workers):
 def test_the_networks_weights_go_both_ways(dataset, tmp_path):
     net = gt.VoxelNetwork("nearest", origin_behind_tips_m=0.035)
     net.save(tmp_path / "made.safetensors")
-    words = [*PROGRAM, "trainer", "import", tmp_path / "made.safetensors", "--out", tmp_path / "ours.safetensors"]
+    words = [*PROGRAM, "weights", "import", tmp_path / "made.safetensors", "--out", tmp_path / "ours.safetensors"]
     subprocess.run(words, check=True, capture_output=True)
-    words = [*PROGRAM, "trainer", "export", tmp_path / "ours.safetensors", "--format", "safetensors", "--out"]
+    words = [*PROGRAM, "weights", "export", tmp_path / "ours.safetensors", "--format", "safetensors", "--out"]
     subprocess.run([*words, tmp_path / "back.safetensors"], check=True, capture_output=True)
     for name in ("made", "back"):
         back = gt.VoxelNetwork.load(tmp_path / f"{name}.safetensors")
@@ -224,13 +224,13 @@ def test_the_head_by_closing_goes_both_ways_and_has_the_trainers_loss(tmp_path):
         net.conv_qual.weight *= 20.0
     net.save(tmp_path / "made.safetensors")
     ours = tmp_path / "ours.safetensors"
-    words = [*PROGRAM, "trainer", "import", tmp_path / "made.safetensors", "--out", ours]
+    words = [*PROGRAM, "weights", "import", tmp_path / "made.safetensors", "--out", ours]
     assert "closings" in subprocess.run(words, check=True, capture_output=True, text=True).stdout
     back = gt.VoxelNetwork.load(ours)
     assert back.head == "closings" and back.origin_behind_tips_m == pytest.approx(0.05)
     assert all(torch.equal(tensor, back.state_dict()[name]) for name, tensor in net.state_dict().items())
 
-    words = [*PROGRAM, "trainer", "evaluate", "--model", ours, "--data", dataset._native.location, "--split", "all", "--json"]
+    words = [*PROGRAM, "evaluate", "--model", ours, "--data", dataset._native.location, "--split", "all", "--json"]
     told = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
     losses, count = 0.0, 0
     with torch.no_grad():
@@ -250,7 +250,7 @@ def test_the_head_by_closing_goes_both_ways_and_has_the_trainers_loss(tmp_path):
     assert torch.allclose(approach, heads["approach"], atol=1e-4)
     assert quality.shape == width.shape == (16,) and ((quality > 0) & (quality < 1)).all()
 
-    words = [*PROGRAM, "trainer", "export", ours, "--format", "onnx", "--out", tmp_path / "net.onnx"]
+    words = [*PROGRAM, "weights", "export", ours, "--format", "onnx", "--out", tmp_path / "net.onnx"]
     subprocess.run(words, check=True, capture_output=True)
     onnxruntime = pytest.importorskip("onnxruntime")
     run = onnxruntime.InferenceSession(tmp_path / "net.onnx", providers=["CPUExecutionProvider"])

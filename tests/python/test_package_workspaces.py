@@ -107,7 +107,7 @@ def test_the_command_line_plans_the_same(tmp_path, config):
     plan = graspmill.Planner(config).plan_tsdf(tsdf, workspace_size_m=0.45)
     assert len(plan) and plan.answer["region"]["high_m"] == pytest.approx([0.45] * 3)
     np.save(tmp_path / "grid.npy", tsdf)
-    words = [*PROGRAM, "planner", "plan", "--tsdf", tmp_path / "grid.npy", "--workspace-size", "0.45", "--config", config, "--json", "--quiet"]
+    words = [*PROGRAM, "plan", "--tsdf", tmp_path / "grid.npy", "--workspace-size", "0.45", "--config", config, "--json", "--quiet"]
     told = subprocess.run(words, capture_output=True, text=True, check=True)
     assert json.loads(told.stdout) == plan.answer
 
@@ -134,5 +134,5 @@ def test_sizes_that_cannot_be_are_refused():
             planner.plan_tsdf(grid, workspace_size_m=size)
     with pytest.raises(graspmill.InputError, match=r"tsdf must have shape \(60, 60, 60\)|tsdf must .*60"):
         planner.plan_tsdf(grid, workspace_size_m=0.45)
-    done = subprocess.run([*PROGRAM, "planner", "plan", "--demo", "--workspace-size", "1.3"], capture_output=True, text=True)
+    done = subprocess.run([*PROGRAM, "plan", "--demo", "--workspace-size", "1.3"], capture_output=True, text=True)
     assert done.returncode == 78 and "must be between 0.2 and 1.2, got 1.3: workspace_size_m" in done.stderr

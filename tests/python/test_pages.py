@@ -41,15 +41,15 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     data = DATASET
     made = {name: folder / f"{name}.html" for name in PAGES}
-    run(program("shards"), "report", data, "--html", made["report"])
+    run(program("graspmill"), "dataset", "report", data, "--html", made["report"])
     run(program("generator"), "replay", data, "--attempt", held(data), "--out", made["replay"])
     browsed, shown = folder / "browsed", held(data).split("/")
-    run(program("shards"), "browse", data, "--out", browsed, "--scene", shown[0], "--scene", 1, "--scene", 2)
+    run(program("graspmill"), "dataset", "browse", data, "--out", browsed, "--scene", shown[0], "--scene", 1, "--scene", 2)
     made["index"], made["scene"] = browsed / "index.html", browsed / f"scene-{shown[0]}.html"
     made["scene-replay"] = made["scene"]
-    experiments = program("experiments")
-    run(experiments, "run", "configs/experiment/pile.toml", "--rounds", 1, "--set", "objects.count=2", "--out", folder / "pile")
-    run(experiments, "report", folder / "pile", "--html", made["experiment"])
+    experiment = program("graspmill"), "experiment"
+    run(*experiment, "run", "configs/experiment/pile.toml", "--rounds", 1, "--set", "objects.count=2", "--out", folder / "pile")
+    run(*experiment, "report", folder / "pile", "--html", made["experiment"])
     return made
 
 
@@ -148,7 +148,7 @@ def test_words_in_figures_can_be_read_on_a_phone(browser, pages) -> None:
 def test_the_report_shows_what_the_json_says(browser, pages) -> None:
     page, _ = opened(browser, pages, "report")
     data = DATASET
-    told = subprocess.run([program("shards"), "report", data, "--json"], check=True, capture_output=True, text=True).stdout
+    told = subprocess.run([program("graspmill"), "dataset", "report", data, "--json"], check=True, capture_output=True, text=True).stdout
     report = json.loads(told)
     cells = page.evaluate("[...document.querySelectorAll('tr')].map(row => [...row.children].map(cell => cell.innerText.trim()))")
     shown = {row[0]: row for row in cells if len(row) >= 4}
@@ -235,7 +235,7 @@ def test_a_click_on_a_grasp_opens_its_replay(browser, pages) -> None:
 
 def test_every_attempt_of_every_scene_is_replayed_from_the_file_of_its_scene(browser, pages, tmp_path) -> None:
     data = DATASET
-    run(program("shards"), "browse", data, "--out", tmp_path / "all")
+    run(program("graspmill"), "dataset", "browse", data, "--out", tmp_path / "all")
     rows = pq.read_table(data / "attempts", columns=["scene_id", "attempt_id", "outcome"]).to_pylist()
     scenes = {row["scene_id"] for row in rows}
     files = list((tmp_path / "all").iterdir())

@@ -1,4 +1,4 @@
-"""Hostile and faulty clients of `planner serve`.
+"""Hostile and faulty clients of `graspmill serve`.
 
     python -m pytest tests/python/test_planner_attacks.py
 

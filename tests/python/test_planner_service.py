@@ -1,4 +1,4 @@
-"""`planner serve` with well-behaved clients. test_planner_attacks.py has the hostile ones.
+"""`graspmill serve` with well-behaved clients. test_planner_attacks.py has the hostile ones.
 
     python -m pytest tests/python/test_planner_service.py
 """

@@ -11,7 +11,7 @@ import pytest
 from programs import program
 
 ROOT = Path(__file__).parents[2]
-NAMES = ["graspmill", "generator", "shards", "trainer", "planner", "experiments"]
+NAMES = ["graspmill", "generator", "trainer"]
 
 
 def output_of(*words: str) -> str:

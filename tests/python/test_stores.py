@@ -143,9 +143,9 @@ def metrics(folder):
 
 def test_it_reads_the_same_as_from_a_folder(port):
     env = environment(port)
-    ended = run("shards", "verify", URL, env=env)
-    assert (ended.returncode, ended.stdout) == (0, run("shards", "verify", DATASET).stdout), ended.stderr
-    there, here = (run("shards", "report", data, "--json", env=env) for data in (URL, DATASET))
+    ended = run("graspmill", "dataset", "verify", URL, env=env)
+    assert (ended.returncode, ended.stdout) == (0, run("graspmill", "dataset", "verify", DATASET).stdout), ended.stderr
+    there, here = (run("graspmill", "dataset", "report", data, "--json", env=env) for data in (URL, DATASET))
     assert there.stdout == here.stdout, there.stderr
 
 
@@ -173,7 +173,7 @@ def test_it_is_read_through_a_web_server(tmp_path):
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         url = f"http://127.0.0.1:{server.server_address[1]}/{DATASET.name}"
-        ended = run("shards", "verify", url, env=environment(1))
+        ended = run("graspmill", "dataset", "verify", url, env=environment(1))
         server.shutdown()
     assert ended.returncode == 0, ended.stdout + ended.stderr
 
@@ -193,7 +193,7 @@ def test_a_damaged_object_is_65_and_named(port, tmp_path):
                     out.write(bad)
             ended = fit(URL, tmp_path / str(number), environment(port))
             assert ended.returncode == 65 and f"{URL}/{name}" in ended.stderr, (number, ended)
-            ended = run("shards", "verify", URL, env=environment(port))
+            ended = run("graspmill", "dataset", "verify", URL, env=environment(port))
             assert ended.returncode == 65 and f"{URL}/{name}" in ended.stdout, (number, ended)
     finally:
         with store(port).open_output_stream(path) as out:
@@ -208,9 +208,9 @@ def test_wrong_settings_are_78(port):
         (URL, {"AWS_ALLOW_HTTP": "false"}, "AWS_ALLOW_HTTP"),
         ("az://container/sets/one", {}, "ccount must be specified"),
     ]:
-        ended = run("shards", "verify", url, env=environment(port, **more))
+        ended = run("graspmill", "dataset", "verify", url, env=environment(port, **more))
         assert ended.returncode == 78 and text in ended.stderr, ended
-    assert run("shards", "verify", "ftp://somewhere/set").returncode == 2
+    assert run("graspmill", "dataset", "verify", "ftp://somewhere/set").returncode == 2
 
 
 # As the dataset at hand was made, so that its bytes are what must come out.
@@ -238,7 +238,7 @@ def test_what_is_generated_into_it_is_what_a_folder_gets(port):
     ended = generate(url, env)
     assert (ended.returncode, f"complete: {url}" in ended.stdout) == (0, True), ended
     assert objects(port, "grasps/made") == files(DATASET)
-    assert run("shards", "verify", url, env=env).returncode == 0
+    assert run("graspmill", "dataset", "verify", url, env=env).returncode == 0
     assert run("generator", "gc", url, env=env).stdout.startswith("0 files")
     again = generate(url, env)
     assert (again.returncode, f"complete already: {url}" in again.stdout) == (0, True), again
@@ -322,8 +322,8 @@ def test_the_server_dies_while_it_is_written_and_read(tmp_path):
         if ended.returncode == 75:
             ended = fit(url, tmp_path / "run", env)
         assert ended.returncode == 0, ended.stderr
-        wait_for(lambda: run("shards", "verify", url, env=env).returncode != 75)  # it is still coming up
-        assert run("shards", "verify", url, env=env).returncode == 0
+        wait_for(lambda: run("graspmill", "dataset", "verify", url, env=env).returncode != 75)  # it is still coming up
+        assert run("graspmill", "dataset", "verify", url, env=env).returncode == 0
     finally:
         kill()
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_experiments")).args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_graspmill")).arg("experiment").args(arguments).output().unwrap()
 }
 
 fn config(name: &str) -> PathBuf {

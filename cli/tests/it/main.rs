@@ -1,4 +1,4 @@
-//! The program as a user runs it, mostly by the names of its parts. What the crates do without a command line is tested
+//! The program as a user runs it, often by the names of its parts. What the crates do without a command line is tested
 //! beside them.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use serde_json::Value;
 
 fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_planner")).args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_graspmill")).args(arguments).output().unwrap()
 }
 
 fn plan(arguments: &[&str]) -> Value {

@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use crate::sample;
 
 fn shards(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_shards")).args(args).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_graspmill")).arg("dataset").args(args).output().unwrap()
 }
 
 /// A dataset of 600 attempts at full variety on a coarse grid.

@@ -111,8 +111,8 @@ impl Place {
 }
 
 fn program(server: &Server, command: &str) -> Output {
-    let mut program = Command::new(env!("CARGO_BIN_EXE_shards"));
-    program.args([command, &server.url]).env("HTTP_READ_TIMEOUT", "300 ms");
+    let mut program = Command::new(env!("CARGO_BIN_EXE_graspmill"));
+    program.args(["dataset", command, &server.url]).env("HTTP_READ_TIMEOUT", "300 ms");
     program.output().unwrap()
 }
 

@@ -93,10 +93,10 @@ fn with_meshes() -> TempDir {
 }
 
 fn program(dir: &TempDir, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_generator")).current_dir(dir.path()).args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_graspmill")).current_dir(dir.path()).args(arguments).output().unwrap()
 }
 
-const IMPORT: [&str; 6] = ["import-objects", "meshes", "--scale", "0.001", "--out", "my-objects.toml"];
+const IMPORT: [&str; 7] = ["objects", "import", "meshes", "--scale", "0.001", "--out", "my-objects.toml"];
 
 fn import(dir: &TempDir, more: &[&str]) -> Output {
     program(dir, &[&IMPORT[..], more].concat())
@@ -155,7 +155,7 @@ fn what_is_odd_about_a_mesh_is_said() {
     let dir = with_meshes();
     let of = |file: &str, scale: &str| {
         let file = format!("meshes/{file}");
-        program(&dir, &["import-objects", &file, "--mass", "1", "--scale", scale, "--out", "odd.toml", "--force"])
+        program(&dir, &["objects", "import", &file, "--mass", "1", "--scale", scale, "--out", "odd.toml", "--force"])
     };
     // Without --scale a cube of 40 mm is one of 40 m.
     check_fails(&of("Cube.obj", "1"), 78, &["at most 10 m long, got 40 m", "--scale 0.001", "Cube.obj"]);
@@ -206,7 +206,7 @@ fn files_that_are_no_meshes_are_told_together() {
     assert!((open["mass_kg"].as_f64().unwrap() - 400.0 * 0.04_f64.powi(3)).abs() < 1e-6, "{open}");
 
     let only = |files: &[&str], more: &[&str]| {
-        program(&dir, &[&["import-objects"], files, &["--out", "x.toml"], more].concat())
+        program(&dir, &[&["objects", "import"], files, &["--out", "x.toml"], more].concat())
     };
     check_fails(
         &only(&["meshes/cut.stl", "meshes/flat.obj"], &[]),
@@ -256,7 +256,7 @@ fn oddities_of_exporters_are_read() {
         text.lines().map(|line| line.replacen(' ', " \\\n", usize::from(line.starts_with('f'))) + "\n").collect();
     fs::write(folder.join("continued.obj"), broken.replace("\\\n", "\\\r\n")).unwrap();
     fs::write(folder.join("usemtl.obj"), format!("mtllib\nusemtl \no\ng\ns\n{text}")).unwrap();
-    let told = check_ok(&program(&dir, &["import-objects", "meshes", "--scale", "1", "--out", "x.toml", "--json"]));
+    let told = check_ok(&program(&dir, &["objects", "import", "meshes", "--scale", "1", "--out", "x.toml", "--json"]));
     let told: Value = serde_json::from_str(&told).unwrap();
     let objects = told["objects"].as_array().unwrap();
     assert_eq!(objects.len(), 8, "{told}");
@@ -279,8 +279,10 @@ fn shells_that_overlap_weigh_what_their_parts_do() {
     let doubled = [triangles.clone(), triangles.clone()].concat();
     obj(&dir.path().join("doubled.obj"), (corners, doubled));
     let files = ["crossed.obj", "doubled.obj"];
-    let told =
-        program(&dir, &[&["import-objects"], &files[..], &["--scale", "0.001", "--out", "x.toml", "--json"]].concat());
+    let told = program(
+        &dir,
+        &[&["objects", "import"], &files[..], &["--scale", "0.001", "--out", "x.toml", "--json"]].concat(),
+    );
     let told: Value = serde_json::from_str(&check_ok(&told)).unwrap();
     let mass_kg = |place: usize| told["objects"][place]["mass_kg"].as_f64().unwrap();
     let union_kg = 400.0 * 0.06 * 0.04 * 0.04;
@@ -302,7 +304,7 @@ fn small_files_that_are_made_to_keep_it_busy_end() {
     for name in ["a", "b", "c"] {
         std::os::unix::fs::symlink(&folder, folder.join(name)).unwrap();
     }
-    let imported = ["import-objects", "meshes", "--scale", "1", "--out", "x.toml", "--json", "--mass", "0.1"];
+    let imported = ["objects", "import", "meshes", "--scale", "1", "--out", "x.toml", "--json", "--mass", "0.1"];
     let told: Value = serde_json::from_str(&check_ok(&program(&dir, &imported))).unwrap();
     let objects = told["objects"].as_array().unwrap();
     assert_eq!(objects.len(), 1, "once, though three links lead back: {told}");
@@ -312,7 +314,7 @@ fn small_files_that_are_made_to_keep_it_busy_end() {
 #[test]
 fn a_mass_that_no_object_has_names_the_unit() {
     let dir = with_meshes();
-    let tiny = program(&dir, &["import-objects", "meshes/Cube.obj", "--scale", "0.00001", "--out", "x.toml"]);
+    let tiny = program(&dir, &["objects", "import", "meshes/Cube.obj", "--scale", "0.00001", "--out", "x.toml"]);
     check_fails(
         &tiny,
         78,
@@ -323,7 +325,7 @@ fn a_mass_that_no_object_has_names_the_unit() {
 #[test]
 fn the_unit_is_guessed_and_said() {
     let dir = with_meshes();
-    let told = check_ok(&program(&dir, &["import-objects", "meshes", "--out", "x.toml"]));
+    let told = check_ok(&program(&dir, &["objects", "import", "meshes", "--out", "x.toml"]));
     assert!(told.contains("one unit of a mesh file is 0.001 m (guessed from the sizes; --scale decides)"), "{told}");
     assert!(told.contains("40.0 x 40.0 x 40.0"), "{told}");
     let told = check_ok(&import(&dir, &[]));
@@ -340,7 +342,7 @@ fn folders_within_folders_name_what_files_do_not() {
     }
     fs::write(dir.path().join("each.toml"), "[025_mug]\nscale = 0.002\nmass_kg = 0.3\nfriction = 0.4\n").unwrap();
     let import =
-        |more: &[&str]| program(&dir, &[&["import-objects", "ycb", "--out", "x.toml", "--force"], more].concat());
+        |more: &[&str]| program(&dir, &[&["objects", "import", "ycb", "--out", "x.toml", "--force"], more].concat());
     let told = check_ok(&import(&["--scale", "0.001", "--each", "each.toml"]));
     assert!(told.contains("40.0 x 40.0 x 40.0") && told.contains("80.0 x 80.0 x 40.0"), "{told}");
     let text = fs::read_to_string(dir.path().join("x.toml")).unwrap();
@@ -377,7 +379,7 @@ fn a_dataset_of_own_objects_is_made_verified_and_repeated_from_itself_alone() {
     fs::remove_file(at("my-objects.toml")).unwrap();
     fs::remove_dir_all(at("meshes")).unwrap();
     assert!(shards::verify(&at("one"), |_| ()).unwrap().is_ok());
-    let text = check_ok(&program(&dir, &["repeat", "one"]));
+    let text = check_ok(&program(&dir, &["dataset", "repeat", "one"]));
     assert!(text.starts_with("72 attempts executed again") && text.contains(": 0 end otherwise"), "{text}");
 
     let dataset = Dataset::open(&at("one")).unwrap();
@@ -458,7 +460,7 @@ fn what_does_not_rest_is_left_out_or_named_and_too_much_of_it_refused() {
     assert!(dir.path().join("allowed/_SUCCESS").exists());
     let strict = program(
         &dir,
-        &[&["import-objects", "meshes", "--out", "x.toml", "--config", "config.toml"], &["--rests-min", "1"][..]]
+        &[&["objects", "import", "meshes", "--out", "x.toml", "--config", "config.toml"], &["--rests-min", "1"][..]]
             .concat(),
     );
     check_fails(

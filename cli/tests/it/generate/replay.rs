@@ -194,9 +194,9 @@ fn unpacked(page: &str, attempt: u32) -> View {
 fn the_page_of_a_scene_has_the_replays_of_all_its_attempts() {
     let dir = workshop(&crowded_config());
     check_ok(&run(&dir, "ds", &[]));
-    let browsed = Command::new(env!("CARGO_BIN_EXE_shards"))
+    let browsed = Command::new(env!("CARGO_BIN_EXE_graspmill"))
         .current_dir(dir.path())
-        .args(["browse", "ds", "--out", "pages"])
+        .args(["dataset", "browse", "ds", "--out", "pages"])
         .output()
         .unwrap();
     check_ok(&browsed);

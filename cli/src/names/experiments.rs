@@ -1,5 +1,0 @@
-//! `graspmill` under the name `experiments`.
-
-fn main() -> std::process::ExitCode {
-    graspmill::main()
-}
