@@ -404,7 +404,6 @@ def test_the_image_is_made_of_what_is_there(tmp_path):
     ("old", "new", "problem"),
     [
         ("COPY configs configs\n", "", "configs/generate/paper.toml is not copied"),
-        ("COPY docs/reading.md docs/\n", "", "docs/reading.md is not copied"),
         ("COPY shards shards\n", "", "shards/Cargo.toml is not copied"),
         ("COPY tests tests\n", "COPY test tests\n", "test cannot be copied"),
         (" Cargo.lock", "", "Cargo.lock is not copied"),

@@ -156,9 +156,9 @@ def test_the_hub_reads_the_cards_metadata():
     assert [config["config_name"] for config in data.configs] == TABLES
 
 
-def snippets(page, dataset=DATASET):
-    """A page's Python, with a dataset of these tests: what needs PyTorch, and the rest."""
-    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+def snippets(dataset=DATASET):
+    """The page's Python, with a dataset of these tests: what needs PyTorch, and the rest."""
+    blocks = re.findall(r"^```python\n(.*?)^```", SNIPPETS.read_text(), flags=re.MULTILINE | re.DOTALL)
     with_torch = [block for block in blocks if "import torch" in block]
     code = "\n".join(block for block in blocks if block not in with_torch)
     code, count = re.subn(r'^dataset = ".*"$', f"dataset = {str(dataset)!r}", code, flags=re.MULTILINE)
@@ -166,18 +166,16 @@ def snippets(page, dataset=DATASET):
     return code, "\n".join(with_torch)
 
 
-@pytest.mark.parametrize("page", [SNIPPETS, DATASET / "README.md"], ids=["docs", "card"])
-def test_the_snippets_work(page, tmp_path, monkeypatch, capsys):
+def test_the_snippets_work(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(datasets.config, "HF_DATASETS_CACHE", tmp_path)
-    code, with_torch = snippets(page)
+    code, with_torch = snippets()
     names = {"__name__": "snippets"}
-    exec(compile(code, str(page), "exec"), names)
+    exec(compile(code, str(SNIPPETS), "exec"), names)
     printed = capsys.readouterr().out
     assert f"({SIDE}, {SIDE}, {SIDE}) grid," in printed
     assert f"{ROWS['attempts']} attempts," in printed
-    compile(with_torch, str(page), "exec")
-    if page == SNIPPETS:  # a card may be older than the page
-        check_samples(names)
+    compile(with_torch, str(SNIPPETS), "exec")
+    check_samples(names)
 
 
 def check_samples(names):
@@ -213,6 +211,6 @@ def test_the_snippet_for_pytorch_works(tmp_path, monkeypatch, capsys):
     graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
     monkeypatch.setattr(datasets.config, "HF_DATASETS_CACHE", tmp_path)
     graspmill.generate(tmp_path / "ds", shards=1, attempts=240, seed=2)
-    exec(compile("\n".join(snippets(SNIPPETS, tmp_path / "ds")), str(SNIPPETS), "exec"), {"__name__": "snippets"})
+    exec(compile("\n".join(snippets(tmp_path / "ds")), str(SNIPPETS), "exec"), {"__name__": "snippets"})
     loss = capsys.readouterr().out.rsplit("loss of the last batch: ", 1)[1]
     assert 0.0 < float(loss) < 10.0

@@ -1,5 +1,5 @@
 //! The columns of the three tables. This is the only definition of a column's name, type, unit and meaning: the Arrow
-//! schema, the dataset card and the reference in the docs are made from it.
+//! schema and the reference in the docs are made from it.
 
 use std::sync::Arc;
 
@@ -213,7 +213,7 @@ impl Table {
         Arc::new(Schema::new(fields))
     }
 
-    /// Its columns as a table of Markdown, for the card and the reference.
+    /// Its columns as a table of Markdown, for the reference.
     #[must_use]
     pub fn described(self, form: Form) -> String {
         let rows = self.columns(form).into_iter().map(|column| {
@@ -239,7 +239,7 @@ impl Kind {
         }
     }
 
-    /// The type as text, for the card and the docs.
+    /// The type as text, for the docs.
     pub(crate) fn describe(self, resolution: usize) -> String {
         match self {
             Self::I64 => "int64".to_owned(),

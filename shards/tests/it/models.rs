@@ -1,6 +1,5 @@
 //! Datasets of models: written data are read, and inconsistent infos and rows are refused.
 
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -100,8 +99,6 @@ fn rows_and_models_come_back_as_they_were() {
             assert_eq!(dataset.read_scene(rows.scene.scene_id).unwrap(), rows);
         }
     }
-    let card = fs::read_to_string(dir.path().join("README.md")).unwrap();
-    assert!(card.contains("`shape` is a model's name") && card.contains("`_normal` are VGN's"), "{card}");
 }
 
 #[test]
