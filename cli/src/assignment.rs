@@ -8,59 +8,36 @@ use program::{ExitCode, Failure};
 use shards::SHARDS_MAX;
 
 /// Variables that hold the index of a task: our own, Slurm's arrays, Kubernetes' Indexed Jobs, AWS Batch's arrays.
-pub(crate) const VARIABLES: [&str; 4] =
+const VARIABLES: [&str; 4] =
     ["SHARD_INDEX", "SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX", "AWS_BATCH_JOB_ARRAY_INDEX"];
 
 /// The shards of this process, in order, of a dataset of so many, and the variable that names them, if one does: those
-/// of the flags, otherwise of the environment, otherwise all.
+/// of the flags, otherwise of the first variable that is there, otherwise all.
 pub(crate) fn assigned(
     indices: Option<&BTreeSet<u32>>,
     task: Option<Task>,
-    variable: impl Fn(&str) -> Option<OsString>,
+    environment: impl Fn(&str) -> Option<OsString>,
     shard_count: u32,
 ) -> Result<(Vec<u32>, Option<&'static str>), Failure> {
-    if let Some([task, tasks]) = task {
-        return Ok(((task..shard_count).step_by(tasks as usize).collect(), None));
-    }
-    let (indices, variable) = match indices {
-        Some(indices) => (indices.clone(), None),
-        None => match index_of_environment(variable)? {
-            Some((index, name)) => (BTreeSet::from([index]), Some(name)),
-            None => return Ok(((0..shard_count).collect(), None)),
-        },
+    let refused = |text: String| Failure::new(ExitCode::Config, text);
+    let (indices, variable) = match (indices, task) {
+        (_, Some([task, tasks])) => return Ok(((task..shard_count).step_by(tasks as usize).collect(), None)),
+        (Some(indices), None) => (indices.clone(), None),
+        (None, None) => {
+            let Some((name, value)) = VARIABLES.into_iter().find_map(|name| Some((name, environment(name)?))) else {
+                return Ok(((0..shard_count).collect(), None));
+            };
+            let value = value.to_string_lossy();
+            let what = format!("{name} must be a shard index, got {value:?}; --shard-index or --task takes precedence");
+            (shard_indices(&value).map_err(|_| refused(what))?, Some(name))
+        }
     };
     if let Some(index) = indices.last().filter(|index| **index >= shard_count) {
         let source = variable.unwrap_or("--shard-index");
-        return Err(refused(format!(
-            "shard index must be below the number of shards, {shard_count}, got {index} from {source}"
-        )));
+        let text = format!("shard index must be below the number of shards, {shard_count}, got {index} from {source}");
+        return Err(refused(text));
     }
     Ok((indices.into_iter().collect(), variable))
-}
-
-/// The index in the scheduler's variables and the first that holds it.
-fn index_of_environment(variable: impl Fn(&str) -> Option<OsString>) -> Result<Option<(u32, &'static str)>, Failure> {
-    let mut found = Vec::new();
-    for name in VARIABLES {
-        let Some(value) = variable(name) else { continue };
-        let value = value.to_string_lossy();
-        let index = value.parse::<u32>().map_err(|_| {
-            refused(format!(
-                "{name} must be a shard index, a whole number from 0, got {value:?}; --shard-index or --task takes precedence"
-            ))
-        })?;
-        found.push((index, name));
-    }
-    if found.iter().all(|(index, _)| *index == found[0].0) {
-        return Ok(found.first().copied());
-    }
-    let told: Vec<String> = found.iter().map(|(index, name)| format!("{name}={index}")).collect();
-    let told = told.join(" and ");
-    Err(refused(format!("{told} disagree: unset all but one, or give --shard-index or --task")))
-}
-
-fn refused(text: String) -> Failure {
-    Failure::new(ExitCode::Config, text)
 }
 
 /// Shard indices from text such as `0,4,8-11`.
@@ -149,7 +126,7 @@ mod tests {
         for name in VARIABLES {
             assert_eq!(assigned((None, None), &[(name, "9")]), Ok(vec![9]), "{name}");
         }
-        assert_eq!(assigned((None, None), &[("SHARD_INDEX", "3"), ("JOB_COMPLETION_INDEX", "3")]), Ok(vec![3]));
+        assert_eq!(assigned((None, None), &[("JOB_COMPLETION_INDEX", "4"), ("SHARD_INDEX", "3")]), Ok(vec![3]));
     }
 
     #[test]
@@ -168,11 +145,6 @@ mod tests {
     #[test]
     fn what_cannot_be_is_told_with_its_names() {
         let error = |variables: &[_]| assigned((None, None), variables).unwrap_err();
-        let told = error(&[("SHARD_INDEX", "3"), ("JOB_COMPLETION_INDEX", "4"), ("AWS_BATCH_JOB_ARRAY_INDEX", "4")]);
-        assert!(
-            told.starts_with("SHARD_INDEX=3 and JOB_COMPLETION_INDEX=4 and AWS_BATCH_JOB_ARRAY_INDEX=4 disagree"),
-            "{told}"
-        );
         for value in ["", "-1", "3.0", "all", "99999999999"] {
             let told = error(&[("SHARD_INDEX", value)]);
             assert!(told.starts_with("SHARD_INDEX must be a shard index") && told.contains(value), "{told}");

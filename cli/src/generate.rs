@@ -129,8 +129,7 @@ GRASPMILL_LOG=info shows which shards are skipped and committed.";
 
 const ENVIRONMENT: &str = "\
 Without --shard-index and --task, the index comes from SHARD_INDEX, SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX or \
-AWS_BATCH_JOB_ARRAY_INDEX, if one is set; two that disagree are an error. (--task 0/1 makes all shards wherever it runs.) The number of \
-shards is never taken from the environment, because it is part of the dataset's identity.";
+AWS_BATCH_JOB_ARRAY_INDEX, the first that is set. (--task 0/1 makes all shards wherever it runs.)";
 
 /// The bar, and what it says beside it.
 struct Progress {

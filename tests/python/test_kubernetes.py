@@ -333,7 +333,6 @@ def test_a_pod_that_is_set_up_wrongly_ends_the_job(tmp_path):
     out = tmp_path / "out"
     assert generator(*pod_command(out), "--sharts", env={"JOB_COMPLETION_INDEX": "0"}).returncode in fatal
     assert run_pod(out, SHARDS).returncode in fatal, "there is no such shard"
-    assert generator(*pod_command(out), env={"JOB_COMPLETION_INDEX": "0", "SHARD_INDEX": "1"}).returncode in fatal
 
 
 # The image.
