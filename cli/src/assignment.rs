@@ -73,17 +73,11 @@ pub(crate) fn task(text: &str) -> Result<Task, String> {
 
 /// Indices as `--shard-index` and schedulers' arrays take them: `0-2,5`.
 pub(crate) fn index_list(indices: &[u32]) -> String {
-    let mut parts: Vec<(u32, u32)> = Vec::new();
-    for index in indices {
-        match parts.last_mut() {
-            Some((_, last)) if *last + 1 == *index => *last = *index,
-            _ => parts.push((*index, *index)),
-        }
-    }
-    let shown = |(first, last): &(u32, u32)| {
-        if first == last { first.to_string() } else { format!("{first}-{last}") }
+    let shown = |run: &[u32]| match run {
+        [first, .., last] => format!("{first}-{last}"),
+        run => run[0].to_string(),
     };
-    parts.iter().map(shown).collect::<Vec<_>>().join(",")
+    indices.chunk_by(|a, b| a + 1 == *b).map(shown).collect::<Vec<_>>().join(",")
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use clap::Args;
@@ -94,21 +94,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let on_first = || print_error("stopping: abandoning the scenes under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
 
-    execute(&config, &arguments.out, &wanted, arguments.rejected_max, &stop)
-}
-
-/// Makes shards, with progress, and prints the result.
-pub(crate) fn execute(
-    config: &Config,
-    out: &Location,
-    wanted: &[u32],
-    rejected_max: f64,
-    stop: &AtomicBool,
-) -> Result<ExitCode, Failure> {
-    let info = config.dataset_info();
-    let progress = Progress::new(&info, wanted);
+    let (info, out) = (config.dataset_info(), &arguments.out);
+    let progress = Progress::new(&info, &wanted);
     let started = Instant::now();
-    let report = generate(config, out, wanted, rejected_max, stop, &|event| progress.show(event))?;
+    let report = generate(&config, out, &wanted, arguments.rejected_max, &stop, &|event| progress.show(event))?;
     progress.bar.finish_and_clear();
     print(table::render(&report, out, started.elapsed().as_secs_f64()))?;
     Ok(match report.dataset {

@@ -29,7 +29,7 @@ mod weights;
 
 use std::ffi::OsString;
 use std::io::{self, Write as _};
-use std::sync::OnceLock;
+use std::sync::{Mutex, PoisonError};
 
 use clap::{Parser, Subcommand};
 use program::{Context as _, ExitCode, Failure};
@@ -93,11 +93,18 @@ pub fn main() -> std::process::ExitCode {
 /// Runs the command that these words name; the first is how the program was called.
 #[must_use]
 pub fn run(words: Vec<OsString>) -> ExitCode {
-    let words = WORDS.get_or_init(|| aliases::expanded(words));
-    program::run(|| match Graspmill::try_parse_from(words) {
-        Ok(Graspmill { command }) => command.run(),
+    program::run(|| execute(aliases::expanded(words)))
+}
+
+/// Runs a command, which may be a step of another one.
+fn execute(words: Vec<OsString>) -> Result<ExitCode, Failure> {
+    match Graspmill::try_parse_from(&words) {
+        Ok(Graspmill { command }) => {
+            *COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner) = program::command_line(words);
+            command.run()
+        }
         Err(answer) => answered(&answer),
-    })
+    }
 }
 
 /// Prints a help, the version, or what is wrong with a command line.
@@ -110,13 +117,12 @@ fn answered(answer: &clap::Error) -> Result<ExitCode, Failure> {
     }
 }
 
-/// The command line of this process. A process is one program.
-static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
+/// The command that runs, as a person would type it.
+static COMMAND_LINE: Mutex<String> = Mutex::new(String::new());
 
-/// The command line as a person would type it.
 #[cfg(feature = "full")]
 fn command_line() -> String {
-    program::command_line(WORDS.get().into_iter().flatten())
+    COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
 impl Command {

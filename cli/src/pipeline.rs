@@ -1,26 +1,18 @@
 //! `graspmill pipeline`: from a gripper to a judge's weights in one command.
 
-mod action;
 mod card;
 mod steps;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use clap::Args;
-use generator::{Overrides, REJECTED_SHARE_MAX};
 use network::checkpoint;
-use program::{Context, ExitCode, Failure, print, read, start_threads, stop_on_signals, unread, write};
-use shards::Location;
-use trainer::device::Device;
-use trainer::evaluate::TestSet;
-use trainer::fit::Job;
-use trainer::run_folder::SavedAs;
+use program::{Context, ExitCode, Failure, print, stop_on_signals, write};
 
+use crate::execute;
 use crate::parse::one_of;
-use crate::{experiment, generate, training};
-use action::{Action, Step};
 use card::card;
 use steps::{MANY_HANDS, Objects, Pipeline, Views, is_known, must_answer_for};
 
@@ -96,80 +88,33 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if arguments.from.is_none() && pipeline.from.is_some() {
         write(&built_in, MANY_HANDS.0)?;
     }
-    write_settings(&pipeline)?;
-    start_threads(None)?;
-    let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
+    for (name, text) in pipeline.settings()? {
+        write(&pipeline.out.join(name), text)?;
+    }
     if arguments.dry_run {
         print(format_args!("{} steps\n", steps.len()))?;
-        for Step { what, action } in &steps {
-            print(format_args!("\n# {what}\n{}\n", action.command()))?;
+        for step in &steps {
+            print(format_args!("\n# {}\n{}\n", step.what, step.command()))?;
         }
         return Ok(ExitCode::Ok);
     }
-    for (number, Step { what, action }) in steps.iter().enumerate() {
-        print(format_args!("\n[{} of {}] {what}\n{}\n", number + 1, steps.len(), action.command()))?;
-        // The other actions know what is done.
-        if matches!(action, Action::Evaluate { .. }) && action.done().exists() {
+    let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
+    for (number, step) in steps.iter().enumerate() {
+        print(format_args!("\n[{} of {}] {}\n{}\n", number + 1, steps.len(), step.what, step.command()))?;
+        // The other commands know what is done.
+        if step.is("evaluate") && step.out.join("evaluation.json").exists() {
             continue;
         }
-        let ended = execute(action, &stop);
+        let ended = execute(step.words.clone());
         let ended = if stop.load(Ordering::Relaxed) && ended.is_ok() { Ok(ExitCode::TryAgain) } else { ended };
         if !matches!(ended, Ok(ExitCode::Ok)) {
-            print(format_args!("\nthe same command goes on with this step: {what}\n"))?;
+            print(format_args!("\nthe same command goes on with this step: {}\n", step.what))?;
             return ended;
         }
     }
-    finish(&pipeline, &steps)
-}
-
-/// Largest weights, in bytes.
-const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
-
-/// Writes the weights and their card.
-fn finish(pipeline: &Pipeline, steps: &[Step]) -> Result<ExitCode, Failure> {
-    let weights = pipeline.out.join("judge.safetensors");
-    let best = pipeline.weights();
-    write(&weights, read(&best, WEIGHTS_BYTES_MAX).map_err(|error| unread(&best, &error))?)?;
-    let path = pipeline.out.join("README.md");
-    write(&path, card(pipeline, steps)?)?;
-    let (weights, path) = (weights.display(), path.display());
-    print(format_args!("\nweights  {weights}\ncard     {path}\n"))?;
+    let (weights, path) = (pipeline.out.join("judge.safetensors"), pipeline.out.join("README.md"));
+    fs::copy(pipeline.weights(), &weights).context(format_args!("failed to write {}", weights.display()))?;
+    write(&path, card(&pipeline, &steps)?)?;
+    print(format_args!("\nweights  {}\ncard     {}\n", weights.display(), path.display()))?;
     Ok(ExitCode::Ok)
-}
-
-fn write_settings(pipeline: &Pipeline) -> Result<(), Failure> {
-    pipeline.settings()?.into_iter().try_for_each(|(name, text)| write(&pipeline.out.join(name), text))
-}
-
-/// Takes a step, with its progress and its results on the terminal.
-fn execute(action: &Action, stop: &AtomicBool) -> Result<ExitCode, Failure> {
-    match action {
-        Action::Generate { config, attempts, shards, seed, policy, out } => {
-            let set = Action::generator_settings(policy.as_deref());
-            let overrides = Overrides {
-                seed: Some(*seed),
-                shards: Some(*shards),
-                attempts: Some(*attempts),
-                policy: policy.as_deref(),
-                set: &set,
-            };
-            let config = generator::Config::load(Some(config), overrides)?;
-            let all: Vec<u32> = (0..config.shards).collect();
-            generate::execute(&config, &Location::from(out.as_path()), &all, REJECTED_SHARE_MAX, stop)
-        }
-        Action::Fit { config, epochs, run, data, from } => {
-            let (config, from) = training::fit::config(Some(config), Some(*epochs), from.as_deref())?;
-            let data: Vec<Location> = data.iter().map(|data| Location::from(data.as_path())).collect();
-            let (config, from, device) = (&config, from.as_ref(), &Device::Host);
-            training::fit::execute(&Job { data: &data, config, run, from, resume: true, device }, stop)
-        }
-        Action::Evaluate { run, data, report } => {
-            let (data, report) = (Location::from(data.as_path()), Some(report.as_path()));
-            training::evaluate::execute(&SavedAs::Best.path(run), &data, TestSet::All, None, false, report)
-        }
-        Action::Experiment { config, out, seed, rounds, set } => {
-            let config = experiment::run::config(config, set, Some(u64::from(*rounds)), Some(*seed))?;
-            experiment::run::execute(&config, out, experiment::run::cores(), stop, action.command())
-        }
-    }
 }

@@ -2,6 +2,7 @@
 
 use std::io::{self, IsTerminal};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use tracing_subscriber::filter::{LevelFilter, Targets};
@@ -44,12 +45,16 @@ fn start_logging() {
     }
 }
 
-/// Starts the threads that share parallel work, one per core unless `threads` says otherwise. Call it at most once,
-/// before that work begins.
+/// Starts the threads that share parallel work, one per core unless `threads` says otherwise, before that work begins.
+/// A command that is a step of another one goes on with that one's.
 ///
 /// # Errors
 /// [`ExitCode::TryAgain`] if the system refuses, or parallel work has begun.
 pub fn start_threads(threads: Option<u16>) -> Result<(), Failure> {
+    static STARTED: AtomicBool = AtomicBool::new(false);
+    if STARTED.swap(true, Ordering::Relaxed) {
+        return Ok(());
+    }
     ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global().map_err(|e| not_started(&e))
 }
 

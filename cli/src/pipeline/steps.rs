@@ -5,16 +5,15 @@
 //! dataset has some choices of the judge that learned from the first. Every step can be repeated at any time, because
 //! each program goes on where it was stopped; so a pipeline needs no state of its own.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use network::checkpoint::{self, Checkpoint};
-use program::Failure;
+use program::{Failure, command_line};
 use schema::{Grid, Gripper, Hands};
 use settings::{Document, settings, words};
 use toml::{Table, Value};
 use trainer::config::JUDGE;
-
-use super::action::{Action, Step};
 
 /// The settings that a pipeline changes.
 const GENERATE: [&str; 2] = [include_str!("../../../configs/generate/judge.toml"), "configs/generate/judge.toml"];
@@ -46,8 +45,11 @@ const TEST_ATTEMPTS: u64 = 60_000;
 /// Attempts of a scene in the generator's settings, and shards of a dataset, if it has so many scenes.
 const ATTEMPTS_PER_SCENE: u64 = 120;
 const SHARDS_MAX: u64 = 64;
+/// In three quarters of a round's scenes with choices lies what the hand can span. Of objects of all sizes, a hand that
+/// opens 40 mm holds a quarter as many as one of 100.
+const SPANNED: &str = "spanned_share=0.75";
 /// In experiments lies what the hand can span.
-const VIABLE: [&str; 2] = ["objects.viable_only", "true"];
+const VIABLE: &str = "objects.viable_only=true";
 /// Rounds of an experiment, on a seed that nothing is tuned on.
 pub(super) const ROUNDS: u32 = 100;
 
@@ -70,6 +72,37 @@ words! {
 settings! {
     struct Held {
         gripper: Hands,
+    }
+}
+
+/// Flags of a command with their values.
+type Flags = Vec<(&'static str, OsString)>;
+
+/// One step, which can be repeated at any time: it goes on where it was stopped.
+#[derive(Debug)]
+pub(crate) struct Step {
+    /// What it does.
+    pub(crate) what: String,
+    /// The folder of its results.
+    pub(crate) out: PathBuf,
+    /// The words of its command.
+    pub(crate) words: Vec<OsString>,
+}
+
+impl Step {
+    fn new(what: String, out: PathBuf, command: &str, flags: Flags) -> Self {
+        let flags = flags.into_iter().flat_map(|(flag, value)| [flag.into(), value]);
+        Self { what, out, words: ["graspmill".into(), command.into()].into_iter().chain(flags).collect() }
+    }
+
+    /// Whether it is one of this command.
+    pub(crate) fn is(&self, command: &str) -> bool {
+        self.words[1] == command
+    }
+
+    /// Its command as a person would type it.
+    pub(crate) fn command(&self) -> String {
+        command_line(&self.words)
     }
 }
 
@@ -197,27 +230,33 @@ impl Pipeline {
             steps.push(self.trained("judge", &["round-1", "round-2"], EPOCHS));
         }
         steps.extend(self.generated(TEST, TEST_ATTEMPTS, self.seed + 2, None));
-        steps.extend(self.parts(TEST, 0).into_iter().map(|(name, ..)| {
-            let (run, data, report) = (self.at("judge"), self.at(&name), self.at(&format!("{name}-report")));
-            Step { what: format!("evaluate on {name}"), action: Action::Evaluate { run, data, report } }
-        }));
-        for hand in self.tried_hands()? {
-            let setting = |key: &str, path: &Path| (key.to_owned(), path.display().to_string());
-            let plan = setting("plan", &self.at(&format!("plan-{}.toml", short(&hand))));
-            let step = |name: &str, of: &str, more: Option<(String, String)>| {
-                let set = [plan.clone(), setting("model", &self.weights()), VIABLE.map(str::to_owned).into()];
-                let action = Action::Experiment {
-                    config: self.at(&format!("{of}.toml")),
-                    out: self.at(&format!("{name}-{}", short(&hand))),
-                    seed: self.seed + 3,
-                    rounds: ROUNDS,
-                    set: set.into_iter().chain(more).collect(),
-                };
-                Step { what: format!("{ROUNDS} rounds of {name} with {}", short(&hand)), action }
-            };
-            steps.extend(EXPERIMENTS.map(|(name, _)| step(name, name, None)));
-            let scene = setting("scene", &self.at(TRIED));
-            steps.extend(self.objects.iter().map(|_| step("pile-objects", "pile", Some(scene.clone()))));
+        for (name, ..) in self.parts(TEST, 0) {
+            let report = self.at(&format!("{name}-report"));
+            let flags = vec![
+                ("--run", self.at("judge").into()),
+                ("--data", self.at(&name).into()),
+                ("--split", "all".into()),
+                ("--report", report.clone().into()),
+            ];
+            steps.push(Step::new(format!("evaluate on {name}"), report, "evaluate", flags));
+        }
+        let objects_too = self.objects.iter().map(|_| "pile-objects");
+        for hand in self.tried_hands()?.iter().map(|hand| short(hand)) {
+            for name in EXPERIMENTS.map(|(name, _)| name).into_iter().chain(objects_too.clone()) {
+                let set = |key: &str, path: PathBuf| ("--set", format!("{key}={}", path.display()).into());
+                let (file, out) = (name.trim_end_matches("-objects"), self.at(&format!("{name}-{hand}")));
+                let mut flags: Flags = vec![
+                    ("run", self.at(&format!("{file}.toml")).into()),
+                    ("--out", out.clone().into()),
+                    ("--seed", (self.seed + 3).to_string().into()),
+                    ("--rounds", ROUNDS.to_string().into()),
+                    set("plan", self.at(&format!("plan-{hand}.toml"))),
+                    set("model", self.weights()),
+                    ("--set", VIABLE.into()),
+                ];
+                flags.extend((file != name).then(|| set("scene", self.at(TRIED))));
+                steps.push(Step::new(format!("{ROUNDS} rounds of {name} with {hand}"), out, "experiment", flags));
+            }
         }
         Ok(steps)
     }
@@ -243,15 +282,20 @@ impl Pipeline {
 
     fn generated(&self, name: &str, attempts: u64, seed: u64, policy: Option<&Path>) -> Vec<Step> {
         let step = |(name, config, attempts): (String, &str, u64)| {
-            let action = Action::Generate {
-                config: self.at(config),
-                attempts,
-                shards: (attempts / ATTEMPTS_PER_SCENE).clamp(1, SHARDS_MAX),
-                seed,
-                policy: policy.map(Path::to_owned),
-                out: self.at(&name),
-            };
-            Step { what: format!("execute {attempts} attempts, {name}"), action }
+            let (shards, out) = ((attempts / ATTEMPTS_PER_SCENE).clamp(1, SHARDS_MAX), self.at(&name));
+            let mut flags: Flags = vec![
+                ("--config", self.at(config).into()),
+                ("--attempts", attempts.to_string().into()),
+                ("--shards", shards.to_string().into()),
+                // All of them, also as a task of a scheduler.
+                ("--task", "0/1".into()),
+                ("--seed", seed.to_string().into()),
+                ("--out", out.clone().into()),
+            ];
+            if let Some(policy) = policy {
+                flags.extend([("--policy", policy.into()), ("--set", SPANNED.into())]);
+            }
+            Step::new(format!("execute {attempts} attempts, {name}"), out, "generate", flags)
         };
         self.parts(name, attempts).into_iter().map(step).collect()
     }
@@ -259,14 +303,16 @@ impl Pipeline {
     fn trained(&self, run: &str, rounds: &[&str], epochs: u32) -> Step {
         let parts = rounds.iter().flat_map(|round| self.parts(round, 0));
         let names: Vec<String> = parts.map(|(name, ..)| name).collect();
-        let action = Action::Fit {
-            config: self.at("train.toml"),
-            epochs,
-            run: self.at(run),
-            data: names.iter().map(|name| self.at(name)).collect(),
-            from: self.from.clone(),
-        };
-        Step { what: format!("train {epochs} epochs on {}", names.join(", ")), action }
+        let mut flags: Flags = vec![
+            ("--config", self.at("train.toml").into()),
+            ("--epochs", epochs.to_string().into()),
+            ("--run", self.at(run).into()),
+        ];
+        flags.extend(names.iter().map(|name| ("--data", self.at(name).into())));
+        flags.extend(self.from.iter().map(|from| ("--from", from.into())));
+        let mut step = Step::new(format!("train {epochs} epochs on {}", names.join(", ")), self.at(run), "fit", flags);
+        step.words.push("--resume".into());
+        step
     }
 
     fn at(&self, name: &str) -> PathBuf {
@@ -354,48 +400,35 @@ mod tests {
             kinds(&steps),
             [&["generate", "fit", "generate", "fit", "generate", "evaluate"][..], &["experiment"; 4]].concat()
         );
-        let datasets = steps.iter().filter_map(|step| match &step.action {
-            Action::Generate { attempts, seed, policy, .. } => Some((*attempts, *seed, policy.as_deref())),
-            _ => None,
-        });
-        let datasets: Vec<_> = datasets.collect();
-        let policy = Path::new("/out/first/best.safetensors");
-        assert_eq!(datasets, [(30_000, 7, None), (60_000, 8, Some(policy)), (60_000, 9, None)]);
-        assert_eq!(seed_of_experiments(&steps), 10, "every dataset and the experiments have seeds of their own");
-        assert!(matches!(&steps[3].action, Action::Fit { data, from: None, .. } if data.len() == 2));
+        let datasets = [0, 2, 4].map(|at| ["--attempts", "--seed", "--policy"].map(|flag| value(&steps[at], flag)));
+        let policy = Some("/out/first/best.safetensors");
+        let expected =
+            [[Some("30000"), Some("7"), None], [Some("60000"), Some("8"), policy], [Some("60000"), Some("9"), None]];
+        assert_eq!(datasets, expected);
+        let experiments = steps.iter().filter(|step| step.is("experiment"));
+        let seeds: BTreeSet<_> = experiments.map(|step| value(step, "--seed")).collect();
+        assert_eq!(Vec::from_iter(seeds), [Some("10")], "every dataset and the experiments have seeds of their own");
+        let judge = &steps[3];
+        assert_eq!((judge.words.iter().filter(|word| *word == "--data").count(), value(judge, "--from")), (2, None));
     }
 
-    /// The commands that steps stand for do what the steps do: they are read as a person's would be.
     #[test]
-    fn steps_print_commands_that_this_program_knows() {
+    fn steps_are_commands_of_this_program() {
         let objects = Objects::File(PathBuf::from("/my things.toml"));
         for step in pipeline("wsg_50", Some(objects), Views::Anywhere).steps().unwrap() {
-            let command = step.action.command();
-            let words = command.replace("'/my things.toml'", "/mythings.toml");
-            let words = words.split(' ').map(|word| word.trim_matches('\''));
-            if let Err(error) = Graspmill::try_parse_from(words) {
-                panic!("{command}: {error}");
+            if let Err(error) = Graspmill::try_parse_from(&step.words) {
+                panic!("{}: {error}", step.command());
             }
         }
     }
 
-    fn kinds(steps: &[Step]) -> Vec<&'static str> {
-        let kind = |step: &Step| match step.action {
-            Action::Generate { .. } => "generate",
-            Action::Fit { .. } => "fit",
-            Action::Evaluate { .. } => "evaluate",
-            Action::Experiment { .. } => "experiment",
-        };
-        steps.iter().map(kind).collect()
+    fn kinds(steps: &[Step]) -> Vec<&str> {
+        steps.iter().map(|step| step.words[1].to_str().unwrap()).collect()
     }
 
-    fn seed_of_experiments(steps: &[Step]) -> u64 {
-        let seeds: BTreeSet<u64> = steps
-            .iter()
-            .filter_map(|step| if let Action::Experiment { seed, .. } = step.action { Some(seed) } else { None })
-            .collect();
-        assert_eq!(seeds.len(), 1);
-        *seeds.first().unwrap()
+    fn value<'a>(step: &'a Step, flag: &str) -> Option<&'a str> {
+        let at = step.words.iter().position(|word| word == flag)?;
+        step.words[at + 1].to_str()
     }
 
     #[test]
@@ -406,11 +439,11 @@ mod tests {
         let pipeline = Pipeline { from: Some(from.clone()), ..pipeline("wsg_50", None, Views::Anywhere) };
         let steps = pipeline.steps().unwrap();
         assert_eq!(kinds(&steps), [&["generate", "fit", "generate", "evaluate"][..], &["experiment"; 4]].concat());
-        let first = steps[0].action.command();
+        let first = steps[0].command();
         assert!(first.contains("--attempts 90000") && first.contains("--set spanned_share=0.75"), "{first}");
         assert!(first.contains("--policy /out/from.safetensors"), "{first}");
-        assert!(matches!(&steps[1].action, Action::Fit { from: Some(file), .. } if *file == from));
-        assert!(!steps[2].action.command().contains("--policy"), "the test set has no judge's choices");
+        assert_eq!(value(&steps[1], "--from"), from.to_str());
+        assert_eq!(value(&steps[2], "--policy"), None, "the test set has no judge's choices");
     }
 
     #[test]
@@ -480,7 +513,7 @@ mod tests {
         assert_eq!(split("generate-objects.toml").as_deref(), Some("household-train"));
         assert_eq!(split("tried-objects.toml").as_deref(), Some("household-held-out"));
         let steps = household.steps().unwrap();
-        assert!(steps.last().unwrap().action.command().ends_with("--set scene=/out/tried-objects.toml"));
+        assert!(steps.last().unwrap().command().ends_with("--set scene=/out/tried-objects.toml"));
         assert_eq!(kinds(&steps).iter().filter(|kind| **kind == "experiment").count(), 5);
         let pipeline = household;
         let wrong = Pipeline { hand: "three_fingers".to_owned(), ..pipeline };
