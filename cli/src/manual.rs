@@ -46,47 +46,24 @@ words! {
     }
 }
 
-/// A file of settings that comes with the program, every key with its comment.
-#[derive(Debug, Clone, Copy)]
-struct Settings {
-    /// Where it lies in the repository.
-    path: &'static str,
-    /// What it says.
-    toml: &'static str,
-    /// Its keys; none if another file of the same keys has them.
-    rows: fn() -> Vec<Row>,
-}
+/// Files of settings that come with the program: where each lies in the repository, what it says, every key with its
+/// comment, and its keys, unless another file of the same keys has them.
+type Settings = (&'static str, &'static str, fn() -> Vec<Row>);
 
 const SETTINGS: &[Settings] = &[
     #[cfg(feature = "full")]
-    Settings {
-        path: "configs/generate/paper.toml",
-        toml: include_str!("../../configs/generate/paper.toml"),
-        rows: rows_of::<generator::Config>,
-    },
-    Settings {
-        path: "configs/grippers/parallel_jaw_80.toml",
-        toml: include_str!("../../configs/grippers/parallel_jaw_80.toml"),
-        rows: rows_of::<schema::Gripper>,
-    },
+    ("configs/generate/paper.toml", include_str!("../../configs/generate/paper.toml"), rows_of::<generator::Config>),
+    (
+        "configs/grippers/parallel_jaw_80.toml",
+        include_str!("../../configs/grippers/parallel_jaw_80.toml"),
+        rows_of::<schema::Gripper>,
+    ),
     #[cfg(feature = "full")]
-    Settings {
-        path: "configs/train/paper.toml",
-        toml: trainer::config::PAPER,
-        rows: rows_of::<trainer::config::Config>,
-    },
-    Settings {
-        path: "configs/plan/paper.toml",
-        toml: planner::BuiltIn::Paper.text(),
-        rows: rows_of::<planner::Config>,
-    },
-    Settings { path: "configs/plan/judge.toml", toml: planner::BuiltIn::Judge.text(), rows: Vec::new },
+    ("configs/train/paper.toml", trainer::config::PAPER, rows_of::<trainer::config::Config>),
+    ("configs/plan/paper.toml", planner::BuiltIn::Paper.text(), rows_of::<planner::Config>),
+    ("configs/plan/judge.toml", planner::BuiltIn::Judge.text(), Vec::new),
     #[cfg(feature = "full")]
-    Settings {
-        path: "configs/experiment/pile.toml",
-        toml: experiments::config::REFERENCE,
-        rows: settings::rows_of::<experiments::config::Keys>,
-    },
+    ("configs/experiment/pile.toml", experiments::config::REFERENCE, rows_of::<experiments::config::Keys>),
 ];
 
 /// Columns of the text in the reference, independent of the terminal.
@@ -136,7 +113,7 @@ fn settings_page(settings: &[Settings]) -> String {
     let mut text = "\nWhat each key may be. A key's name ends with its unit; `[]` stands for each table of a list. A key without a \
                     default must be there, if its table is.\n"
         .to_owned();
-    for Settings { path, toml, rows } in settings {
+    for (path, toml, rows) in settings {
         // Writing to a String cannot fail.
         let _ = write!(text, "\n## {path}\n\n```toml\n{toml}```\n");
         let rows = rows();
@@ -189,7 +166,7 @@ mod tests {
         }
         let inner = Command::new("inner").about("Does a thing").arg(Arg::new("depth").long("depth").help("How deep"));
         let command = Command::new("outer").about("Does things").subcommand(inner);
-        let text = commands(command) + &settings_page(&[Settings { path: "a.toml", toml: "key = 1 # why\n", rows }]);
+        let text = commands(command) + &settings_page(&[("a.toml", "key = 1 # why\n", rows)]);
         for words in [
             "## outer\n",
             "## outer inner",

@@ -12,16 +12,38 @@ macro_rules! one_of {
 pub(crate) use one_of;
 
 #[cfg(feature = "full")]
-pub(crate) use location::LocationParser;
+pub(crate) use full::{LocationParser, between, others_do};
 
 #[cfg(feature = "full")]
-mod location {
+mod full {
     use std::ffi::OsStr;
+    use std::fmt::Display;
+    use std::ops::RangeInclusive;
+    use std::str::FromStr;
 
     use clap::builder::TypedValueParser;
     use clap::error::ErrorKind;
     use clap::{Arg, Command, Error};
+    use program::{ExitCode, Failure};
     use shards::Location;
+
+    /// A parser of a number within limits.
+    pub(crate) fn between<T: FromStr + PartialOrd + Display + Clone>(
+        range: RangeInclusive<T>,
+    ) -> impl Fn(&str) -> Result<T, String> + Clone {
+        move |text| {
+            let read = text.parse::<T>().ok().filter(|value| range.contains(value));
+            read.ok_or_else(|| format!("must be between {} and {}, got {text}", range.start(), range.end()))
+        }
+    }
+
+    /// The failure of a command that the program of the Python package has, with some of its extras.
+    pub(crate) fn others_do(what: &str, extras: &str) -> Failure {
+        let text = format!(
+            "the program of the Python package {what}: pip install graspmill{extras}, then run the same command"
+        );
+        Failure::new(ExitCode::Usage, text)
+    }
 
     /// Reads a [`Location`]. An error leaves out the text, which may hold a secret.
     #[derive(Debug, Clone, Copy)]

@@ -3,6 +3,8 @@
 use clap::Args;
 use program::{ExitCode, Failure};
 
+use crate::parse::others_do;
+
 /// Write the dataset or its scenes in formats of others: VGN's, Parquet for old readers, MJCF, URDF, USD
 ///
 /// The program of the Python package does it: `pip install graspmill`, then the same command
@@ -15,6 +17,5 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run() -> Result<ExitCode, Failure> {
-    let text = "the program of the Python package exports: pip install graspmill, then run the same command";
-    Err(Failure::new(ExitCode::Usage, text))
+    Err(others_do("exports", ""))
 }

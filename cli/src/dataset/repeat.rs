@@ -8,7 +8,7 @@ use program::{ExitCode, Failure, print, start_threads};
 use schema::Engine;
 use shards::{Dataset, Location};
 
-use crate::parse::LocationParser;
+use crate::parse::{LocationParser, one_of};
 
 /// Execute a dataset's attempts again from its rows, and compare the outcomes
 #[derive(Debug, Args)]
@@ -27,16 +27,12 @@ pub(crate) struct Arguments {
 
     /// Execute them by this engine instead of the dataset's: stepper or rapier. Openings then differ, so only outcomes
     /// are compared, and differences are no error
-    #[arg(long, value_name = "ENGINE", value_parser = engine)]
+    #[arg(long, value_name = "ENGINE", value_parser = one_of!(Engine))]
     engine: Option<Engine>,
 
     /// Show at most N of the differences
     #[arg(long, value_name = "N", default_value_t = 20)]
     show: usize,
-}
-
-fn engine(name: &str) -> Result<Engine, String> {
-    Engine::from_name(name).ok_or_else(|| format!("must be one of {}", Engine::ALL.map(Engine::name).join(", ")))
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {

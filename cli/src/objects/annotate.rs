@@ -16,6 +16,7 @@ use serde_json::{Value, json};
 
 use super::import::{FileBar, MeshOptions};
 use crate::dataset::browse::grasp_pages;
+use crate::parse::{between, one_of, others_do};
 use crate::planning::gripper::named;
 
 /// The largest `NAME.json` that is read.
@@ -46,7 +47,7 @@ pub(crate) struct Arguments {
 
     /// What the object must bear in the hand: lift (its weight, under the hand), turn (its weight in six directions),
     /// tug (GraspDataGen's pulls) or shake (as ACRONYM)
-    #[arg(long, default_value = "lift", value_parser = test)]
+    #[arg(long, default_value = "lift", value_parser = one_of!(GripTest))]
     test: GripTest,
 
     /// Shares of grasps between facing points, along normals, and displaced by up to 30 mm and 30 degrees;
@@ -93,10 +94,6 @@ pub(crate) struct Arguments {
     options: MeshOptions,
 }
 
-fn test(text: &str) -> Result<GripTest, String> {
-    GripTest::from_name(text).ok_or_else(|| format!("must be one of {}", GripTest::ALL.map(GripTest::name).join(", ")))
-}
-
 /// Shares as others have them: ACRONYM samples between facing points without collisions; of GraspDataGen's guesses one
 /// in five collides (64 and 16 by default).
 const OTHERS: [(&str, GraspShares); 2] = [
@@ -109,14 +106,9 @@ fn shares(text: &str) -> Result<GraspShares, String> {
     if let Some((_, shares)) = OTHERS.iter().find(|(name, _)| *name == text) {
         return Ok(*shares);
     }
-    let numbers: Vec<f32> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
-    let is_share = |share: &f32| (0.0..=1.0).contains(share);
-    match numbers[..] {
-        [antipodal, normal, displaced]
-            if numbers.len() == text.split(',').count()
-                && numbers.iter().all(is_share)
-                && numbers.iter().sum::<f32>() > 0.0 =>
-        {
+    let numbers: Result<Vec<f32>, String> = text.split(',').map(|part| between(0.0..=1.0_f32)(part.trim())).collect();
+    match numbers.as_deref() {
+        Ok(&[antipodal, normal, displaced]) if antipodal + normal + displaced > 0.0 => {
             Ok(GraspShares { antipodal, normal, displaced })
         }
         _ => Err(format!("must be three numbers from 0 to 1 that are not all 0, acronym or graspdatagen, got {text}")),
@@ -142,8 +134,7 @@ impl Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if arguments.format.is_some() {
-        let text = "the program of the Python package writes --format: pip install graspmill[grasps], then run the same command";
-        return Err(Failure::new(ExitCode::Usage, text));
+        return Err(others_do("writes --format", "[grasps]"));
     }
     let mut params = arguments.params(named(&arguments.gripper)?);
     let given = arguments.relabel.as_deref().map(GivenGrasps::read).transpose()?;

@@ -10,6 +10,8 @@ use program::text::percent;
 use program::{Context, ExitCode, Failure, json, print, print_error, write};
 use report::document::{Block, Cell, Document, Table};
 
+use crate::parse::between;
+
 /// Make objects of your own meshes: measure them, decompose them into convex parts, write a catalogue
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -31,7 +33,7 @@ pub(crate) struct Arguments {
 
     /// Leave out objects that come to rest in a smaller share of their test drops; above 0 also those that do not fit
     /// into the workspace
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = between(0.0..=1.0_f64))]
     rests_min: f64,
 
     /// Config whose hand and workspace the objects must fit [default: the built-in configs/generate/paper.toml]
@@ -64,7 +66,7 @@ pub(super) struct MeshOptions {
     mass: Option<f64>,
 
     /// Friction coefficient of all objects
-    #[arg(long, value_name = "MU", default_value_t = 0.8, value_parser = friction)]
+    #[arg(long, value_name = "MU", default_value_t = 0.8, value_parser = between(0.0..=5.0_f32))]
     friction: f32,
 
     /// What differs for single objects: tables `[name]` with scale, mass_kg or density_kg_m3, friction (TOML)
@@ -84,7 +86,7 @@ pub(super) struct MeshOptions {
     corners_max: u8,
 
     /// An object is cut into more parts until they leave its surface by no more than this
-    #[arg(long, value_name = "METRES", default_value_t = 0.0008, value_parser = tolerance)]
+    #[arg(long, value_name = "METRES", default_value_t = 0.0008, value_parser = between(0.000_05..=0.01_f32))]
     tolerance: f32,
 }
 
@@ -92,28 +94,6 @@ pub(super) struct MeshOptions {
 fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("must be above 0, got {text}")) }
-}
-
-/// What a catalogue may have.
-fn friction(text: &str) -> Result<f32, String> {
-    let value: f32 = text.parse().map_err(|e| format!("{e}"))?;
-    if (0.0..=5.0).contains(&value) { Ok(value) } else { Err(format!("must be between 0 and 5, got {text}")) }
-}
-
-/// From 50 micrometres to 10 millimetres.
-fn tolerance(text: &str) -> Result<f32, String> {
-    let value: f32 = text.parse().map_err(|e| format!("{e}"))?;
-    if (0.000_05..=0.01).contains(&value) {
-        Ok(value)
-    } else {
-        Err(format!("must be between 0.00005 and 0.01, got {text}"))
-    }
-}
-
-/// A number from 0 to 1.
-fn share(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
-    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(format!("must be between 0 and 1, got {text}")) }
 }
 
 impl MeshOptions {

@@ -6,6 +6,8 @@ use clap::Args;
 use network::interchange::export;
 use program::{ExitCode, Failure, print};
 
+use crate::parse::others_do;
+
 const EXAMPLES: &str = "\
 Examples:
   graspmill weights export runs/paper/best.safetensors --format onnx --out vgn.onnx
@@ -38,9 +40,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if arguments.format == "onnx" {
-        let text =
-            "the program of the Python package writes ONNX: pip install graspmill[onnx], then run the same command";
-        return Err(Failure::new(ExitCode::Usage, text));
+        return Err(others_do("writes ONNX", "[onnx]"));
     }
     let checkpoint = export(&arguments.checkpoint, &arguments.out, arguments.force)?;
     print(format_args!("{}\nwritten     {}\n", checkpoint.architecture, arguments.out.display()))?;

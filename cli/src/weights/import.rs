@@ -8,7 +8,7 @@ use network::interchange::{GivenParams, import};
 use network::upsampling::Upsampling;
 use program::{ExitCode, Failure, print};
 
-use crate::parse::one_of;
+use crate::parse::{between, one_of};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -35,11 +35,11 @@ pub(crate) struct Arguments {
     upsampling: Option<Upsampling>,
     /// How far behind the finger tips, in metres, the network has a grasp's origin. Without it what the file says, or
     /// else 0.05, between the roots of the fingers, as in VGN's code.
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = between(0.0..=BEHIND_TIPS_M_MAX))]
     origin_behind_tips_m: Option<f32>,
     /// Place of that origin in its voxel along each axis: 0.5 where positions were rounded down, 0 where to the
     /// nearest. Without it what the file says, or else 0, as in VGN's code.
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = between(0.0..=1.0_f32))]
     voxel_offset: Option<f32>,
     /// Replace an existing file.
     #[arg(long)]
@@ -47,14 +47,10 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let within = |name: &str, value: Option<f32>, most: f32| match value.filter(|value| !(0.0..=most).contains(value)) {
-        Some(got) => Err(Failure::new(ExitCode::Usage, format!("{name} must be between 0 and {most}, got {got}"))),
-        None => Ok(value),
-    };
     let given = GivenParams {
         upsampling: arguments.upsampling,
-        origin_behind_tips_m: within("--origin-behind-tips-m", arguments.origin_behind_tips_m, BEHIND_TIPS_M_MAX)?,
-        voxel_offset: within("--voxel-offset", arguments.voxel_offset, 1.0)?,
+        origin_behind_tips_m: arguments.origin_behind_tips_m,
+        voxel_offset: arguments.voxel_offset,
     };
     let imported = import(&arguments.file, &arguments.out, given, arguments.force)?;
     let mut text = format!("read        {}\n", arguments.file.display());
