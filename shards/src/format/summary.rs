@@ -135,12 +135,6 @@ impl Counts {
         self.outcomes.get(outcome.name()).copied().unwrap_or_default()
     }
 
-    /// Attempts by a rule.
-    #[must_use]
-    pub fn rule(&self, rule: Rule) -> Tally {
-        self.rules.get(rule.name()).copied().unwrap_or_default()
-    }
-
     /// Counts the rows of a scene.
     pub fn count(&mut self, rows: &SceneRows) {
         self.scenes += 1;

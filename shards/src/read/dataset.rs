@@ -215,17 +215,7 @@ impl Dataset {
         let all = self.scenes_of(shard)?;
         assert!(wanted.iter().all(|scene| all.contains(scene)), "scenes of shard {shard} are {all:?}");
         let is_whole = wanted.len() as u64 == all.end - all.start;
-        let scenes = self.scenes_with(shard, None, (!is_whole).then_some(wanted))?;
-        let (mut attempts, mut objects) = (self.attempts(shard)?.peekable(), self.objects(shard)?.peekable());
-        Ok(scenes.map(move |scene| {
-            let scene = scene?;
-            let id = scene.scene_id;
-            while attempts.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < id)).is_some() {}
-            while objects.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < id)).is_some() {}
-            let attempts = take_while_is(&mut attempts, |row| row.scene_id == id)?;
-            let objects = take_while_is(&mut objects, |row| row.scene_id == id)?;
-            Ok(SceneRows { scene, objects, attempts })
-        }))
+        self.joined(shard, self.scenes_with(shard, None, (!is_whole).then_some(wanted))?)
     }
 
     /// The attempts of a shard, a scene at a time.
@@ -238,14 +228,6 @@ impl Dataset {
     ) -> Result<impl Iterator<Item = Result<Vec<AttemptRecord>, Failure>>, Failure> {
         let mut attempts = self.attempts(shard)?.peekable();
         Ok(self.scenes_of(shard)?.map(move |scene| take_while_is(&mut attempts, |row| row.scene_id == scene)))
-    }
-
-    /// Like [`Self::scenes`] but without the grids: `tsdf` is empty. Reads a thousandth of the bytes.
-    ///
-    /// # Errors
-    /// [`Failure`] if the file is damaged; each item is an error if a row breaks a rule.
-    pub fn scene_heads(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Failure>>, Failure> {
-        self.scenes_with(shard, Some("tsdf"), None)
     }
 
     fn scenes_with(
@@ -314,12 +296,13 @@ impl Dataset {
         }))
     }
 
-    /// Iterates over all rows of a shard, a scene at a time, without the grids. The rows of a scene fit together.
+    /// Iterates over all rows of a shard, a scene at a time, without the grids: `tsdf` is empty, and a thousandth of the
+    /// bytes is read. The rows of a scene fit together.
     ///
     /// # Errors
     /// [`Failure`] if a file is damaged; each item is an error if a row breaks a rule.
     pub fn rows(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRows, Failure>>, Failure> {
-        Ok(self.joined(shard, self.scene_heads(shard)?)?.map(move |rows| {
+        Ok(self.joined(shard, self.scenes_with(shard, Some("tsdf"), None)?)?.map(move |rows| {
             let rows = rows?;
             check::joined(&rows)
                 .map_err(|e| self.wrong(shard, Table::Attempts, &format!("scene {}: {e}", rows.scene.scene_id)))?;
@@ -327,8 +310,8 @@ impl Dataset {
         }))
     }
 
-    /// Adds to each scene of a shard its rows of the other tables, which are in the same order. Whether they fit
-    /// together is not checked.
+    /// Adds to each of some scenes of a shard its rows of the other tables, which are in the same order. Whether they
+    /// fit together is not checked.
     pub(crate) fn joined(
         &self,
         shard: u32,
@@ -337,8 +320,11 @@ impl Dataset {
         let (mut objects, mut attempts) = (self.objects(shard)?.peekable(), self.attempts(shard)?.peekable());
         Ok(scenes.map(move |scene| {
             let scene = scene?;
-            let objects = take_while_is(&mut objects, |row| row.scene_id == scene.scene_id)?;
-            let attempts = take_while_is(&mut attempts, |row| row.scene_id == scene.scene_id)?;
+            let id = scene.scene_id;
+            while objects.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < id)).is_some() {}
+            while attempts.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < id)).is_some() {}
+            let objects = take_while_is(&mut objects, |row| row.scene_id == id)?;
+            let attempts = take_while_is(&mut attempts, |row| row.scene_id == id)?;
             Ok(SceneRows { scene, objects, attempts })
         }))
     }
@@ -364,7 +350,7 @@ impl Dataset {
         let scene = scene.into_iter().find(|scene| scene.scene_id == scene_id);
         let missing = || self.wrong(shard, Table::Scenes, &format!("scene {scene_id} is not where it should be"));
         let rows = SceneRows { scene: scene.ok_or_else(missing)?, objects, attempts };
-        self.check(shard, Table::Attempts, || check::scene_rows(&rows, &self.info))?;
+        check::scene_rows(&rows, &self.info).map_err(|e| self.wrong(shard, Table::Attempts, &e))?;
         Ok(rows)
     }
 
@@ -401,10 +387,6 @@ impl Dataset {
     pub(crate) fn wrong(&self, shard: u32, table: Table, message: &str) -> Failure {
         let at = self.storage.location(&layout::table_file(table, shard, self.info.shard_count));
         Failure::new(ExitCode::Data, format!("shard {shard}: {message}: {at}"))
-    }
-
-    fn check(&self, shard: u32, table: Table, rule: impl FnOnce() -> Result<(), String>) -> Result<(), Failure> {
-        rule().map_err(|e| self.wrong(shard, table, &e))
     }
 }
 
