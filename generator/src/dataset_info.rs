@@ -110,7 +110,7 @@ pub fn physics_of(config: &Value) -> Result<Physics, Failure> {
     if let Some(physics) = physics.as_object_mut() {
         physics.insert("engine".to_owned(), json!(engine));
     }
-    settings::read_stored(&physics, "physics").map_err(|faults| unknown(faults.join("; ")))
+    settings::read_stored(&physics, "config.physics").map_err(|faults| unknown(faults.join("; ")))
 }
 
 /// How the attempts of a dataset were repeated, if they were.

@@ -85,7 +85,7 @@ impl Document {
     /// # Errors
     /// As [`Document::read`].
     pub fn read_as<T: Setting<Limits = ()>>(&self, path: &str) -> Result<T, Error> {
-        let mut reader = Reader::new(self.folder(), path, false);
+        let mut reader = Reader::new(self.folder(), path);
         let read = T::read(&Value::Table(self.table.clone()), &(), &mut reader);
         match read {
             Some(read) if reader.is_sound() => Ok(read),
@@ -124,7 +124,7 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 /// The values out of range in settings that were not read from a document; `path` is their path.
 #[must_use]
 pub fn faults_of<T: Setting<Limits = ()>>(settings: &T, path: &str) -> Vec<String> {
-    let mut reader = Reader::new(Path::new(""), path, false);
+    let mut reader = Reader::new(Path::new(""), path);
     settings.check(&(), &mut reader);
     reader.into_faults()
 }
@@ -134,23 +134,7 @@ pub fn faults_of<T: Setting<Limits = ()>>(settings: &T, path: &str) -> Vec<Strin
 /// # Errors
 /// All faults, as for a document.
 pub fn read_stored<T: Setting<Limits = ()>>(stored: &impl Serialize, path: &str) -> Result<T, Vec<String>> {
-    let (read, faults) = stored_as::<T>(stored, path, false);
-    read.filter(|_| faults.is_empty()).ok_or(faults)
-}
-
-/// The values out of range or of another type in settings that another version stored, which may have had fewer or
-/// other keys.
-#[must_use]
-pub fn stored_faults<T: Setting<Limits = ()>>(stored: &impl Serialize, path: &str) -> Vec<String> {
-    stored_as::<T>(stored, path, true).1
-}
-
-fn stored_as<T: Setting<Limits = ()>>(
-    stored: &impl Serialize,
-    path: &str,
-    is_partial: bool,
-) -> (Option<T>, Vec<String>) {
-    let mut reader = Reader::new(Path::new(""), path, is_partial);
+    let mut reader = Reader::new(Path::new(""), path);
     let read = match Value::try_from(stored) {
         Ok(value) => T::read(&value, &(), &mut reader),
         Err(e) => {
@@ -158,5 +142,5 @@ fn stored_as<T: Setting<Limits = ()>>(
             None
         }
     };
-    (read, reader.into_faults())
+    read.filter(|_| reader.is_sound()).ok_or(reader.into_faults())
 }

@@ -15,7 +15,7 @@ mod macros;
 mod reader;
 mod setting;
 
-pub use document::{Document, faults_of, read_stored, read_text, stored_faults};
+pub use document::{Document, faults_of, read_stored, read_text};
 pub use error::Error;
 pub use flat::{flat, flattened};
 pub use limits::{Limits, above};

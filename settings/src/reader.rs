@@ -13,15 +13,14 @@ pub struct Reader<'a> {
     path: String,
     faults: Vec<String>,
     folder: &'a Path,
-    is_partial: bool,
 }
 
 /// Most characters of a wrong value that a message repeats.
 const SHOWN_MAX: usize = 100;
 
 impl<'a> Reader<'a> {
-    pub(crate) fn new(folder: &'a Path, path: &str, is_partial: bool) -> Self {
-        Self { path: path.to_owned(), faults: Vec::new(), folder, is_partial }
+    pub(crate) fn new(folder: &'a Path, path: &str) -> Self {
+        Self { path: path.to_owned(), faults: Vec::new(), folder }
     }
 
     pub(crate) fn into_faults(self) -> Vec<String> {
@@ -108,8 +107,7 @@ impl<'a> Reader<'a> {
             self.misfit("a table", value);
             return None;
         };
-        let is_partial = self.is_partial;
-        for key in table.keys().filter(|key| !is_partial && !keys.contains(&key.as_str())) {
+        for key in table.keys().filter(|key| !keys.contains(&key.as_str())) {
             let nearest = keys.iter().min_by_key(|known| strsim::damerau_levenshtein(known, key));
             let is_near = |known: &&&str| strsim::damerau_levenshtein(known, key) <= (key.chars().count() / 3).max(1);
             let hint = nearest.filter(is_near).map(|known| format!(", did you mean {known}?")).unwrap_or_default();
@@ -134,9 +132,7 @@ impl<'a> Reader<'a> {
             Some(value) => read(value, limits, reader),
             None if default.is_some() => default,
             None => {
-                if !reader.is_partial {
-                    reader.fault(format_args!("is missing: {kind}"));
-                }
+                reader.fault(format_args!("is missing: {kind}"));
                 None
             }
         })

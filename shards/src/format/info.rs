@@ -5,13 +5,10 @@ use std::ops::Range;
 use std::slice;
 use std::sync::Arc;
 
-use schema::{
-    CameraParams, FACETS, Grid, Gripper, Hands, MODELS_MAX, Model, Physics, Procedure, SettleParams, TsdfParams,
-    ViewParams, hand_of,
-};
+use schema::{FACETS, Grid, Gripper, Hands, MODELS_MAX, Model, Procedure, hand_of};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
-use settings::{Setting, faults_of, read_stored, stored_faults};
+use settings::{Setting, faults_of, read_stored};
 
 use crate::FormatVersion;
 use crate::format::column::Form;
@@ -199,7 +196,6 @@ impl DatasetInfo {
         }
         problems.extend(self.hands_problem().map(|problem| format!("grippers {problem}")));
         problems.extend(faults_of(&self.procedure, "procedure"));
-        problems.extend(self.config_problems());
         let Grid { resolution, size_m, table_z_m } = self.grid;
         let (attempts, shards, models) = (self.attempt_count, self.shard_count, &self.models);
         let scenes = attempts.div_ceil(u64::from(self.attempts_per_scene.max(1)));
@@ -258,22 +254,8 @@ impl DatasetInfo {
         differs.or_else(|| Hands::problem(&self.grippers))
     }
 
-    /// What is out of range in the stored config. Another version may have had other keys.
-    fn config_problems(&self) -> Vec<String> {
-        let faults = |name: &str, faults: fn(&Value, &str) -> Vec<String>| {
-            self.config.get(name).map(|section| faults(section, &format!("config.{name}"))).unwrap_or_default()
-        };
-        [
-            faults("camera", stored_faults::<CameraParams>),
-            faults("physics", physics_faults),
-            faults("settle", stored_faults::<SettleParams>),
-            faults("tsdf", stored_faults::<TsdfParams>),
-            faults("views", stored_faults::<ViewParams>),
-        ]
-        .concat()
-    }
-
-    /// A section of the stored config, such as `camera`; `None` if it is not there whole.
+    /// A section of the stored config, such as `camera`; `None` if it is not there whole and within its ranges. Whether
+    /// the rest of the config can be is known to the generator.
     #[must_use]
     pub fn section<T: Setting<Limits = ()>>(&self, name: &str) -> Option<T> {
         read_stored(self.config.get(name)?, name).ok()
@@ -343,17 +325,10 @@ fn sorted(value: &Value) -> Value {
     }
 }
 
-/// As [`stored_faults`], but for the engine: datasets name it with its version, configs without.
-fn physics_faults(section: &Value, path: &str) -> Vec<String> {
-    let mut section = section.clone();
-    if let Some(section) = section.as_object_mut() {
-        section.remove("engine");
-    }
-    stored_faults::<Physics>(&section, path)
-}
-
 #[cfg(test)]
 mod tests {
+    use schema::CameraParams;
+
     use super::*;
     use crate::synthetic;
 
@@ -371,21 +346,12 @@ mod tests {
         let mut info = synthetic::info(7, 3, 100, 12);
         info.procedure.retreat_distance_m = 1e6;
         info.gripper.friction = -1.0;
-        info.config = serde_json::json!({
-            "camera": { "width_px": 1_000_000, "height_px": 480, "focal_px": 540.0 },
-            "physics": { "engine": "a", "step_rate_hz": 1e9, "shortcuts": 1 },
-            "views": { "counts": [0, 6] },
-        });
         let told = DatasetInfo::from_json(info.to_json()).unwrap_err().to_string();
         assert_eq!(
             told.split("; ").collect::<Vec<_>>(),
             [
                 "gripper.friction must be between 0 and 5, got -1",
                 "procedure.retreat_distance_m must be between 0.01 and 1, got 1000000",
-                "config.camera.width_px must be between 16 and 4096, got 1000000",
-                "config.physics.step_rate_hz must be between 30 and 10000, got 1000000000",
-                "config.physics.shortcuts must be true or false, got 1",
-                "config.views.counts must be a range [low, high] within [1, 100], got [0, 6]",
             ]
         );
     }
@@ -406,9 +372,11 @@ mod tests {
         info.config = serde_json::json!({ "camera": { "width_px": 640, "lens": "wide" }, "kind": null });
         let read = DatasetInfo::from_json(info.to_json()).unwrap();
         assert_eq!(read.section::<CameraParams>("camera"), None);
-        info.config = serde_json::json!({ "camera": { "width_px": 640, "height_px": 480, "focal_px": 540.0 } });
-        let camera = CameraParams { width_px: 640, height_px: 480, focal_px: 540.0 };
-        assert_eq!(info.section("camera"), Some(camera));
+        let camera = |width_px: u32| serde_json::json!({ "width_px": width_px, "height_px": 480, "focal_px": 540.0 });
+        info.config = serde_json::json!({ "camera": camera(640), "settle": camera(1_000_000) });
+        let expected = CameraParams { width_px: 640, height_px: 480, focal_px: 540.0 };
+        assert_eq!(info.section("camera"), Some(expected));
+        assert_eq!(info.section::<CameraParams>("settle"), None, "a million pixels are out of range");
     }
 
     #[test]
