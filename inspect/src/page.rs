@@ -215,15 +215,7 @@ fn hand(report: &Report) -> Section {
          hand met nothing.",
         bin_table("width, mm, if closed", &report.width_m, 1000.0),
     );
-    let depths = histogram(
-        counts_of_bins("Depth of the tips", "behind the near face, mm", &report.tip_depth_m, 1000.0),
-        "As drawn by the rules of Appendix A: d_z + l_z / 2; green held.",
-        bin_table("depth of the tips, mm", &report.tip_depth_m, 1000.0),
-    );
-    let mut pictures = vec![widths];
-    pictures.extend((most(&report.tip_depth_m) > 0).then_some(depths));
-    let text = "The opening of the hand, and how far its tips reached behind the near face.".to_owned();
-    ("Widths and depths", text, vec![Block::Figures(pictures)])
+    ("Widths", "The opening of the hand.".to_owned(), vec![Block::Figures(vec![widths])])
 }
 
 /// Attempts by bar, those that held below those that failed.

@@ -43,13 +43,9 @@ pub struct Report {
     pub width_m: Vec<Bin>,
     /// Angle between the grasp's approach and straight down, in degrees.
     pub approach_deg: Vec<Bin>,
-    /// How far behind the near face the finger tips were to end, in metres; of attempts by rules of Appendix A.
-    pub tip_depth_m: Vec<Bin>,
     /// From the target's centre to the nearest other object's, in metres; attempts on lone objects count in the last
     /// bar.
     pub neighbour_m: Vec<Bin>,
-    /// Objects of the catalogue, by model.
-    pub models: Vec<ModelCount>,
     /// Attempts whose grasp lies outside the grid; no voxel can learn from them.
     pub outside_grid: Tally,
     /// Scenes thrown away.
@@ -66,15 +62,6 @@ pub struct Group {
     /// How many they are.
     #[serde(flatten)]
     pub labels: Tally,
-}
-
-/// How often a model is there.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ModelCount {
-    /// Its name.
-    pub name: String,
-    /// Objects of it.
-    pub objects: u64,
 }
 
 /// Attempts with an outcome.
@@ -109,9 +96,6 @@ const WIDTH_BINS: usize = 8;
 const ANGLE_BIN_DEG: f64 = 15.0;
 /// Metres of a bar of the neighbours' histogram; the last of nine holds what is further, and lone objects.
 const NEIGHBOUR_BIN_M: f64 = 0.02;
-/// From where the tips' histogram goes, in metres, and its eight bars.
-const TIP_M_MIN: f64 = 0.015;
-const TIP_BIN_M: f64 = 0.0025;
 
 /// Reads all attempts and scene heads of a dataset and counts them.
 ///
@@ -136,10 +120,7 @@ struct Counting<'a> {
     outcomes: BTreeMap<Outcome, (u64, BTreeMap<HitKind, u64>)>,
     widths: [Tally; WIDTH_BINS],
     angles: [Tally; 12],
-    tips: [Tally; 8],
     neighbours: [Tally; 9],
-    /// Objects by the number of their model.
-    models: Vec<u64>,
     outside_grid: Tally,
     rejections: RejectionCounts,
 }
@@ -157,9 +138,7 @@ impl<'a> Counting<'a> {
             outcomes: Outcome::ALL.into_iter().map(|outcome| (outcome, Default::default())).collect(),
             widths: Default::default(),
             angles: Default::default(),
-            tips: Default::default(),
             neighbours: Default::default(),
-            models: vec![0; models.len()],
             outside_grid: Tally::default(),
             rejections: RejectionCounts::default(),
         }
@@ -167,17 +146,10 @@ impl<'a> Counting<'a> {
 
     fn count_scene(&mut self, rows: &SceneRows) {
         self.rejections.count(rows.scene.rejections);
-        for object in &rows.objects {
-            if let Shape::Model(number) = object.shape.shape()
-                && let Some(count) = self.models.get_mut(usize::from(number))
-            {
-                *count += 1;
-            }
-        }
         for attempt in &rows.attempts {
             self.object_counts.entry(rows.scene.object_count).or_default().count(attempt);
             self.count(attempt);
-            self.count_target(attempt, &rows.objects);
+            self.count_neighbour(attempt, &rows.objects);
         }
     }
 
@@ -201,13 +173,9 @@ impl<'a> Counting<'a> {
         }
     }
 
-    /// Counts what takes the target and its neighbours to know.
-    fn count_target(&mut self, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
+    /// Counts what takes the target's neighbours to know.
+    fn count_neighbour(&mut self, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
         let Some(target) = objects.get(attempt.object_id as usize) else { return };
-        if let (Some(approach), Some(solid)) = (attempt.rule.approach.axis(), target.shape.as_solid()) {
-            let tip_m = f64::from(attempt.depth_m + 0.5 * approach.of(solid.extents_m));
-            self.tips[bin((tip_m - TIP_M_MIN) / TIP_BIN_M, self.tips.len())].count(attempt);
-        }
         let centre = |object: &ObjectRecord| object.workspace_from_object.translation;
         let others = objects.iter().filter(|object| object.object_id != attempt.object_id);
         let nearest_m = others.map(|other| (centre(other) - centre(target)).length()).fold(f32::INFINITY, f32::min);
@@ -216,8 +184,6 @@ impl<'a> Counting<'a> {
 
     fn finish(self) -> Report {
         let (info, manifest) = (self.dataset.info(), self.dataset.manifest());
-        let models = info.models.iter().zip(self.models);
-        let models = models.map(|(model, objects)| ModelCount { name: model.name.clone(), objects });
         let width_step = f64::from(info.opening_m_max()) / WIDTH_BINS as f64;
         let shapes = self.shapes.into_iter().map(|(shape, tally)| group(shape.name(&info.models), tally));
         let outcomes = self.outcomes.into_iter().map(|(outcome, (attempts, hits))| OutcomeGroup {
@@ -237,11 +203,9 @@ impl<'a> Counting<'a> {
             rules: self.rules.into_iter().map(|(rule, tally)| group(rule.name(), tally)).collect(),
             object_counts: self.object_counts.into_iter().map(|(count, t)| group(&count.to_string(), t)).collect(),
             outcomes: outcomes.collect(),
-            width_m: bins(&self.widths, 0.0, width_step),
-            approach_deg: bins(&self.angles, 0.0, ANGLE_BIN_DEG),
-            tip_depth_m: bins(&self.tips, TIP_M_MIN, TIP_BIN_M),
-            neighbour_m: bins(&self.neighbours, 0.0, NEIGHBOUR_BIN_M),
-            models: models.collect(),
+            width_m: bins(&self.widths, width_step),
+            approach_deg: bins(&self.angles, ANGLE_BIN_DEG),
+            neighbour_m: bins(&self.neighbours, NEIGHBOUR_BIN_M),
             outside_grid: self.outside_grid,
             rejections: self.rejections,
             tables: Table::ALL.map(|table| size(self.dataset, table)).to_vec(),

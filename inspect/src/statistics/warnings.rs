@@ -15,10 +15,6 @@ const TRIED_MIN: u64 = 100;
 const REJECTED_SHARE_MAX: f64 = 0.1;
 /// Share of grasps outside the grid that causes a warning.
 const OUTSIDE_SHARE_MAX: f64 = 0.01;
-/// Objects of a catalogue that a warning names, at most.
-const RARE_MAX: usize = 5;
-/// A model is rare by so many standard deviations of its number: chance in one of three million.
-const RARE_DEVIATIONS: f64 = 5.0;
 
 impl Report {
     /// Unusual properties of the dataset, one sentence each.
@@ -53,26 +49,7 @@ impl Report {
             warnings
                 .push(format!("{} of the grasps lie outside the grid: no voxel learns from them.", percent(outside)));
         }
-        warnings.extend(self.missing_models());
         warnings
-    }
-
-    /// The objects of a catalogue that are rarer than they were drawn, if chance does not explain it.
-    fn missing_models(&self) -> Option<String> {
-        let all: u64 = self.models.iter().map(|model| model.objects).sum();
-        let expected = all as f64 / self.models.len() as f64;
-        let mut rare: Vec<_> = self.models.iter().collect();
-        rare.sort_by_key(|model| model.objects);
-        let rarest = rare.first().map_or(f64::INFINITY, |model| model.objects as f64);
-        let rare: Vec<String> =
-            rare.iter().take(RARE_MAX).map(|model| format!("{} {}", model.name, model.objects)).collect();
-        (rarest < expected - RARE_DEVIATIONS * expected.sqrt()).then(|| {
-            format!(
-                "The objects of the catalogue are not there as often as they were drawn: {expected:.1} of each are expected, the \
-                 rarest are {}. They fell off the table, or their scenes were thrown away.",
-                rare.join(", ")
-            )
-        })
     }
 }
 
@@ -84,7 +61,7 @@ fn is_of_the_paper(rule: &str) -> bool {
 mod tests {
     use shards::{Dataset, Draft};
 
-    use super::super::{Group, ModelCount, report};
+    use super::super::{Group, report};
     use super::*;
 
     /// A report without warnings.
@@ -101,11 +78,6 @@ mod tests {
         let mut report = report(&Dataset::open(folder.path()).unwrap()).unwrap();
         report.labels = Tally { attempts: 1200, positives: 300 };
         report
-    }
-
-    fn models(counts: [u64; 4]) -> Vec<ModelCount> {
-        let model = |(name, objects): (&str, u64)| ModelCount { name: name.to_owned(), objects };
-        ["a", "b", "c", "d"].into_iter().zip(counts).map(model).collect()
     }
 
     #[test]
@@ -125,8 +97,5 @@ mod tests {
         );
         told(|r| r.rejections.unsettled = r.scenes, "50.0 %");
         told(|r| r.outside_grid.attempts = 60, "5.0 %");
-        told(|r| r.models = models([3, 66, 65, 66]), "the rarest are a 3, c 65, b 66, d 66.");
-        let even = Report { models: models([40, 61, 52, 47]), ..fine };
-        assert_eq!(even.warnings(), Vec::<String>::new());
     }
 }
