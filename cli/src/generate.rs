@@ -123,7 +123,6 @@ AWS_BATCH_JOB_ARRAY_INDEX, the first that is set. (--task 0/1 makes all shards w
 /// The bar, and what it says beside it.
 struct Progress {
     bar: ProgressBar,
-    made: AtomicU64,
     held: AtomicU64,
 }
 
@@ -138,7 +137,7 @@ impl Progress {
         let bar = ProgressBar::new(wanted.iter().map(|shard| attempts_of(info, *shard)).sum());
         // Without a terminal indicatif draws nothing.
         let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Self { bar, made: AtomicU64::new(0), held: AtomicU64::new(0) }
+        Self { bar, held: AtomicU64::new(0) }
     }
 
     fn show(&self, event: Event) {
@@ -148,10 +147,9 @@ impl Progress {
                 self.bar.dec_length(attempts);
             }
             Event::Scene { attempts, positives } => {
-                let made = self.made.fetch_add(attempts, Ordering::Relaxed) + attempts;
-                let held = self.held.fetch_add(positives, Ordering::Relaxed) + positives;
-                self.bar.set_message(format!("{:.1} % positive", 100.0 * held as f64 / made as f64));
                 self.bar.inc(attempts);
+                let held = self.held.fetch_add(positives, Ordering::Relaxed) + positives;
+                self.bar.set_message(format!("{:.1} % positive", 100.0 * held as f64 / self.bar.position() as f64));
             }
             Event::Committed { shard } => tracing::info!(shard, "committed"),
         }

@@ -1,9 +1,7 @@
 //! `graspmill dataset verify`: reads and checks everything.
 
-use std::fmt::Write as _;
-use std::io::{self, IsTerminal, Write as _};
-
 use clap::Args;
+use indicatif::ProgressBar;
 use program::{ExitCode, Failure, print};
 use shards::{Location, Verified};
 
@@ -21,16 +19,10 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let mut stderr = io::stderr();
-    let shows_progress = stderr.is_terminal();
-    let verified = shards::verify(&arguments.dataset, |shard| {
-        if shows_progress {
-            let _ = write!(stderr, "\rshard {shard} read "); // a sign of life, worth no failure
-        }
-    })?;
-    if shows_progress {
-        let _ = write!(stderr, "\r\x1b[K");
-    }
+    // Without a terminal indicatif draws nothing.
+    let bar = ProgressBar::new_spinner();
+    let verified = shards::verify(&arguments.dataset, |shard| bar.set_message(format!("shard {shard} read")))?;
+    bar.finish_and_clear();
     print(text(&verified))?;
     Ok(verified.exit_code())
 }
@@ -42,8 +34,7 @@ fn text(verified: &Verified) -> String {
         text += &format!("and {more} more\n");
     }
     let (attempts, objects, scenes) = (counts.labels.attempts, counts.objects, counts.scenes);
-    // Writing to a String cannot fail.
-    let _ = writeln!(text, "{attempts} attempts, {objects} objects, {scenes} scenes, {bytes} bytes read and checked");
+    text += &format!("{attempts} attempts, {objects} objects, {scenes} scenes, {bytes} bytes read and checked\n");
     if !listed {
         text += "the store cannot list its objects: there may be files that do not belong to the dataset\n";
     }

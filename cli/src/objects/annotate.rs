@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args, value_parser};
-use generator::{AnnotateParams, Annotated, GraspShares, annotate, relabel};
+use generator::{AnnotateParams, Annotated, GraspShares, LeftOut, annotate, relabel};
 use indicatif::{ProgressBar, ProgressStyle};
 use inspect::{GivenGrasps, grasp_sets, grasps_info, grasps_table};
 use program::text::percent;
@@ -14,7 +14,7 @@ use report::document::{Block, Cell, Document, Table};
 use schema::{GripTest, Gripper};
 use serde_json::{Value, json};
 
-use super::import::{FileBar, MeshOptions};
+use super::import::{MeshOptions, file_bar, tell};
 use crate::dataset::browse::grasp_pages;
 use crate::parse::{between, one_of, others_do};
 use crate::planning::gripper::named;
@@ -144,7 +144,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
     let on_first = || print_error("stopping: abandoning the object under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
-    let (objects, left_out) = read_objects(arguments)?;
+    let bar = file_bar(None);
+    let read = Annotated::read(&arguments.objects, &arguments.options.params(0, 0.0), &|file, it| tell(&bar, file, it));
+    bar.finish_and_clear();
+    let (objects, left_out) = read?;
     if given.is_some() && objects.len() != 1 {
         let text = format!("--relabel needs one object, whose grasps the file has; there are {}", objects.len());
         return Err(Failure::new(ExitCode::Config, text));
@@ -256,17 +259,7 @@ fn earlier(path: &Path, digest: &str) -> Result<Option<Value>, Failure> {
     }
 }
 
-/// The objects of all paths, and why some could not be used.
-fn read_objects(arguments: &Arguments) -> Result<(Vec<Annotated>, Vec<String>), Failure> {
-    let bar = FileBar::new(None);
-    let read =
-        Annotated::read(&arguments.objects, &arguments.options.params(0, 0.0), &|file, state| bar.tell(file, state));
-    bar.end();
-    let (objects, left_out) = read?;
-    Ok((objects, left_out.into_iter().map(|one| one.reason).collect()))
-}
-
-fn document(infos: &[Value], left_out: &[String], out: &Path) -> Document {
+fn document(infos: &[Value], left_out: &[LeftOut], out: &Path) -> Document {
     let count = |info: &Value, outcome: &str| info["outcomes"][outcome].as_u64().unwrap_or(0);
     let row = |info: &Value| {
         let collisions = count(info, "pregrasp_collision") + count(info, "approach_collision");
@@ -301,7 +294,7 @@ fn document(infos: &[Value], left_out: &[String], out: &Path) -> Document {
     let plural = if infos.len() == 1 { "" } else { "s" };
     let mut blocks = vec![
         Block::Table(Table::new(head, infos.iter().map(row))),
-        Block::Warnings(few.chain(left_out.iter().map(|reason| format!("left out: {reason}"))).collect()),
+        Block::Warnings(few.chain(left_out.iter().map(|one| format!("left out: {}", one.reason))).collect()),
         Block::Text(format!(
             "{grasps} grasps of {} object{plural}, {held} held, in {}; {} left out",
             infos.len(),

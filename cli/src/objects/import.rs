@@ -114,31 +114,23 @@ impl MeshOptions {
     }
 }
 
-/// How many files have been read, on standard error; without a terminal nothing is drawn.
-pub(super) struct FileBar(ProgressBar);
+/// How many files have been read, of so many if that is known; without a terminal nothing is drawn.
+pub(super) fn file_bar(count: Option<usize>) -> ProgressBar {
+    let of = if count.is_some() { "/{human_len} files · {msg} · {eta} left" } else { " files · {msg}" };
+    let style = ProgressStyle::with_template(&format!("{{bar:32}} {{human_pos}}{of}"));
+    let bar = count.map_or_else(ProgressBar::new_spinner, |count| ProgressBar::new(count as u64));
+    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
 
-impl FileBar {
-    /// For so many files, if that is known.
-    pub(super) fn new(count: Option<usize>) -> Self {
-        let of = if count.is_some() { "/{human_len} files · {msg} · {eta} left" } else { " files · {msg}" };
-        let style = ProgressStyle::with_template(&format!("{{bar:32}} {{human_pos}}{of}"));
-        let bar = count.map_or_else(ProgressBar::new_spinner, |count| ProgressBar::new(count as u64));
-        Self(bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
-    }
-
-    pub(super) fn tell(&self, file: &Path, state: FileState<'_>) {
-        match state {
-            FileState::Begun => self.0.set_message(file.display().to_string()),
-            FileState::Made => self.0.inc(1),
-            FileState::LeftOut(reason) => {
-                self.0.suspend(|| print_error(&format!("left out: {reason}")));
-                self.0.inc(1);
-            }
+/// Shows on such a bar what became of a file.
+pub(super) fn tell(bar: &ProgressBar, file: &Path, state: FileState<'_>) {
+    match state {
+        FileState::Begun => bar.set_message(file.display().to_string()),
+        FileState::Made => bar.inc(1),
+        FileState::LeftOut(reason) => {
+            bar.suspend(|| print_error(&format!("left out: {reason}")));
+            bar.inc(1);
         }
-    }
-
-    pub(super) fn end(self) {
-        self.0.finish_and_clear();
     }
 }
 
@@ -146,11 +138,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let config = Config::load(arguments.config.as_deref(), Overrides::default())?;
     check_target(&arguments.out)?;
     let sources = sources(&arguments.meshes, arguments.options.described.as_deref())?;
-    let bar = FileBar::new(Some(sources.len()));
-    let on_file = |file: &Path, state: FileState<'_>| bar.tell(file, state);
-    let imported =
-        import_objects(&sources, &arguments.options.params(arguments.drops, arguments.rests_min), &config, &on_file);
-    bar.end();
+    let bar = file_bar(Some(sources.len()));
+    let params = arguments.options.params(arguments.drops, arguments.rests_min);
+    let imported = import_objects(&sources, &params, &config, &|file, state| tell(&bar, file, state));
+    bar.finish_and_clear();
     let imported = imported?;
     write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
     print(if arguments.json { json(&imported)? } else { document(&imported, &arguments.out).text() })?;
