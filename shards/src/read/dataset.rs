@@ -296,8 +296,8 @@ impl Dataset {
         }))
     }
 
-    /// Iterates over all rows of a shard, a scene at a time, without the grids: `tsdf` is empty, and a thousandth of the
-    /// bytes is read. The rows of a scene fit together.
+    /// Iterates over all rows of a shard, a scene at a time, without the grids: `tsdf` is empty, and few bytes are read.
+    /// The rows of a scene fit together.
     ///
     /// # Errors
     /// [`Failure`] if a file is damaged; each item is an error if a row breaks a rule.
