@@ -131,7 +131,11 @@ impl Drawing {
             let (centre, half) = (centre_m.dot(right), half_m.dot(right));
             let (x, y) = (self.x(centre - half), self.y(centre_m.z - half_m.z));
             let (width, height) = (2.0 * half * self.scale, 2.0 * half_m.z * self.scale);
-            let (class, fill) = if number == 2 { ("palm", PALM) } else { ("finger", FINGER) };
+            let (class, fill) = match number {
+                2 => ("palm", PALM),
+                0 | 1 => ("finger", FINGER),
+                _ => ("behind-tip", FINGER),
+            };
             let _ = write!(
                 self.text,
                 "<rect class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" \
@@ -251,11 +255,13 @@ mod tests {
         ] {
             assert!(svg.contains(words), "{words} is not in {svg}");
         }
-        let (fingers, palms) = (boxes(&svg, "finger"), boxes(&svg, "palm"));
+        let [fingers, palms, thick] = ["finger", "palm", "behind-tip"].map(|class| boxes(&svg, class));
         assert_eq!((fingers.len(), palms.len()), (4, 2), "from two sides");
         let scale = palms[0][2] / franka.palm_breadth_m;
         let expected = [
-            (fingers[0][2], franka.finger_thickness_m),
+            (fingers[0][2], franka.finger_tip.unwrap().thickness_m),
+            (thick[0][2], franka.finger_thickness_m),
+            (fingers[0][3] - thick[0][3], franka.finger_tip.unwrap().length_m),
             (fingers[0][3], franka.finger_length_m),
             (fingers[2][2], franka.finger_width_m),
             (palms[0][3], franka.palm_length_m),

@@ -180,7 +180,8 @@ class Runner:
 
     def _lifted_into_fixture(self, pose: Pose) -> str | None:
         """Whether the hand, closed as it is, comes within half the clearance of a fixture anywhere on its retreat."""
-        ways, near_m = [*self._ways_m(), np.zeros(3)], self._gripper.clearance_m / 2
+        left, right = self._ways_m()
+        ways, near_m = [left, right, np.zeros(3), left, right], self._gripper.clearance_m / 2
         hand = [box.shifted(way).grown(near_m) for box, way in zip(self._gripper.open_hand(), ways)]
         direction, distance = self._retreat(pose), self._procedure.retreat_distance_m
         along = [pose.moved(direction * d) for d in np.linspace(0, distance, ceil(distance / WAY_STEP_M) + 1)]

@@ -48,7 +48,7 @@ class HandBox:
 
 @dataclass(frozen=True)
 class Gripper:
-    """A parallel jaw of three boxes; fields as in the gripper file."""
+    """A parallel jaw of three boxes, or of five if its fingers have thinner tips; fields as in the gripper file."""
 
     name: str
     opening_m_max: float
@@ -63,11 +63,15 @@ class Gripper:
     closing_speed_m_s: float
     friction: float
     clearance_m: float
+    finger_tip: dict[str, float] | None = None
 
     def fingers(self, width_m: float) -> tuple[HandBox, HandBox]:
-        """The finger at −y, then the one at +y, inner faces `width_m` apart."""
-        half = np.array([self.finger_width_m, self.finger_thickness_m, self.finger_length_m]) / 2
-        left, right = (np.array([0.0, side * (width_m / 2 + half[1]), -half[2]]) for side in (-1, 1))
+        """The finger at −y, then the one at +y, as thick as their tips, inner faces `width_m` apart."""
+        return self._fingers(width_m, self.finger_tip["thickness_m"] if self.finger_tip else self.finger_thickness_m, 0.0)
+
+    def _fingers(self, width_m: float, thickness_m: float, tip_m: float) -> tuple[HandBox, HandBox]:
+        half = np.array([self.finger_width_m, thickness_m, self.finger_length_m - tip_m]) / 2
+        left, right = (np.array([0.0, side * (width_m / 2 + half[1]), -half[2] - tip_m]) for side in (-1, 1))
         return HandBox(left, half), HandBox(right, half)
 
     def palm(self) -> HandBox:
@@ -76,8 +80,11 @@ class Gripper:
         return HandBox(np.array([0.0, 0.0, -self.finger_length_m - half[2]]), half)
 
     def open_hand(self) -> list[HandBox]:
-        """Both fingers and the palm, wide open."""
-        return [*self.fingers(self.opening_m_max), self.palm()]
+        """Both fingers and the palm, wide open, and the fingers behind their tips where they are thicker there."""
+        boxes = [*self.fingers(self.opening_m_max), self.palm()]
+        if self.finger_tip:
+            boxes += self._fingers(self.opening_m_max, self.finger_thickness_m, self.finger_tip["length_m"])
+        return boxes
 
 
 @dataclass(frozen=True)

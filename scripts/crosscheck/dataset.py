@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -85,8 +85,9 @@ def _read_info(folder: Path) -> dict:
 
 
 def build(kind: type, values: dict):
-    """A dataclass from the keys that it names; a missing key is an error, a new one is not."""
-    return kind(**{field.name: values[field.name] for field in fields(kind)})
+    """A dataclass from the keys that it names; a missing key without a default is an error, a new one is not."""
+    named = (field.name for field in fields(kind) if field.default is MISSING or field.name in values)
+    return kind(**{name: values[name] for name in named})
 
 
 def _read_fixtures(folder: Path, count: int, size_m: float, table_z_m: float) -> dict[int, tuple[Hull, ...]]:

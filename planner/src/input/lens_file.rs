@@ -156,7 +156,7 @@ mod tests {
                 ": the program of the Python package (pip install graspmill)",
             ),
             ("{ \"fx\": 525, \"ppx\": 2 }", "numbers, got the keys fx, ppx: the program of the Python package"),
-            ("[\"a\"]", "numbers, got no TOML: "),
+            ("[\"a\"]", "numbers, got the keys a: the program"),
             ("{ \"fx_px\": 525,", "not JSON: EOF while parsing a value at line 1 column 15"),
             ("fx_px = 525,0", "numbers, got no TOML: "),
             ("fx_px = 525", "missing field `fy_px`"),
