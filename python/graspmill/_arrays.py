@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import operator
 import os
-from typing import Any, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +29,26 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def kind(array: NDArray[Any]) -> str:
+    """The type and the shape of an array, for a message."""
+    return f"{array.dtype} {list(array.shape)}"
+
+
+def must(is_so: object, rule: str, *given: object) -> None:
+    """Refuses what breaks a rule, and shows what was given instead."""
+    if not is_so:
+        raise InputError(f"{rule}, got {shown(given[0])}" if given else rule)
+
+
+@contextmanager
+def read_as(rule: str, value: object) -> Iterator[None]:
+    """Refuses what cannot be read as a rule has it."""
+    try:
+        yield
+    except (TypeError, ValueError, OverflowError, RuntimeError, BufferError) as error:
+        raise InputError(f"{rule}, got {shown(value)}") from error
+
+
 def given(name: str, value: ArrayLike, what: str = "an array of numbers") -> NDArray[Any]:
     """What was given, as an array."""
     try:
@@ -47,26 +68,16 @@ def _is_masked(value: object) -> bool:
 
 def listed(name: str, value: Any) -> list[Any]:
     """A list of what was given, such as images."""
-    try:
+    with read_as(f"{name} must be a list", value):
         return list(value)
-    except (TypeError, ValueError, RuntimeError, BufferError) as error:
-        raise InputError(f"{name} must be a list, got {shown(value)}") from error
 
 
 def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str = "") -> Floats:
-    """An array of finite numbers of this shape (``None``: any length), as float32 in C order.
-
-    Args:
-        name: The argument's name.
-        value: What was given.
-        shape: The wanted shape.
-        what: What the shape means, for the message.
-    """
+    """An array of finite numbers of this shape (``None``: any length), as float32 in C order; ``what`` the shape means."""
     array = given(name, value)
     if array.shape == (0,) and len(shape) > 1 and shape[0] is None:
         array = np.empty([0 if want is None else want for want in shape])
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{name} must be an array of numbers, got one of dtype {array.dtype}")
+    must(array.dtype.kind in "fiu", f"{name} must be an array of numbers, got one of dtype {array.dtype}")
     if not _fits(array.shape, shape):
         wanted = ", ".join("N" if want is None else str(want) for want in shape)
         turned = " (is it transposed?)" if _fits(array.shape[::-1], shape) else ""
@@ -78,28 +89,35 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str =
     return array
 
 
+def numbered(name: str, value: ArrayLike, shape: Sequence[int | None], end: int, what: str) -> NDArray[np.uint32]:
+    """Numbers of things, of which there are so many, in this shape."""
+    array = given(name, value)
+    array = array.astype(np.uint32) if array.shape == (0,) else array
+    wanted = ", ".join("N" if want is None else str(want) for want in shape)
+    is_fit = array.dtype.kind in "iu" and _fits(array.shape, shape)
+    must(is_fit, f"{name} must be whole numbers of shape [{wanted}], got {kind(array)}")
+    if array.size and not 0 <= array.min() <= array.max() < end:
+        raise InputError(f"{name} must be from 0 to below the number of {what}, {end}, got {array.min()} to {array.max()}")
+    return np.ascontiguousarray(array, dtype=np.uint32)
+
+
 def _fits(got: Sequence[int], shape: Sequence[int | None]) -> bool:
     return len(got) == len(shape) and all(want is None or want == have for want, have in zip(shape, got))
 
 
 def path(name: str, value: Any) -> str:
     """A path, or a name, as text."""
-    try:
+    with read_as(f"{name} must be a path or a name", value):
         given = os.fspath(value)
-    except TypeError as error:
-        raise InputError(f"{name} must be a path or a name, got {shown(value)}") from error
-    if not isinstance(given, str) or not given or "\0" in given:
-        raise InputError(f"{name} must be a path or a name in text, got {shown(value)}")
+    must(isinstance(given, str) and given and "\0" not in given, f"{name} must be a path or a name in text", value)
     return text(name, given)
 
 
 def text(name: str, value: object) -> str:
     """A text that can be written in UTF-8."""
     given = str(value)
-    try:
+    with read_as(f"{name} must be text in UTF-8", value):
         given.encode()
-    except UnicodeEncodeError as error:
-        raise InputError(f"{name} must be text in UTF-8, got {shown(value)}") from error
     return given
 
 
@@ -111,34 +129,42 @@ def vgn_values(name: str, values: Floats) -> None:
 
 def number(name: str, value: Any, low: float, high: float) -> float:
     """A number between two limits, included."""
-    try:
+    with read_as(f"{name} must be a number", value):
         given = float(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name} must be a number, got {shown(value)}") from error
-    if not (math.isfinite(given) and low <= given <= high):
-        raise InputError(f"{name} must be between {low:g} and {high:g}, got {given:g}")
+    must(math.isfinite(given) and low <= given <= high, f"{name} must be between {low:g} and {high:g}, got {given:g}")
     return given
+
+
+def shortest(value: float) -> float:
+    """The shortest decimal that is the same in single precision, as files have it: 0.2, not 0.20000000298."""
+    return float(str(np.float32(value)))
 
 
 def flag(name: str, value: Any) -> bool:
     """Whether something is so: True or False, as Python sees it."""
-    try:
+    with read_as(f"{name} must be True or False", value):
         return bool(value)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} must be True or False, got {shown(value)}") from error
 
 
 def whole(name: str, value: Any, low: int, high: int) -> int:
     """A whole number between two limits, included."""
-    try:
+    must(not isinstance(value, bool), f"{name} must be a whole number", value)
+    with read_as(f"{name} must be a whole number", value):
         given = operator.index(value)
-    except TypeError as error:
-        raise InputError(f"{name} must be a whole number, got {shown(value)}") from error
-    if isinstance(value, bool):
-        raise InputError(f"{name} must be a whole number, got {value}")
-    if not low <= given <= high:
-        raise InputError(f"{name} must be between {low} and {high}, got {given}")
+    must(low <= given <= high, f"{name} must be between {low} and {high}, got {given}")
     return given
+
+
+def threads(value: Any) -> int:
+    """A number of threads; 0, one per core, if it is not given."""
+    return 0 if value is None else whole("threads", value, 1, 1024)
+
+
+def one_of(name: str, value: Any, known: Sequence[str | None]) -> None:
+    """Refuses what is none of some words."""
+    if not (value is None or isinstance(value, str)) or value not in known:
+        words = [repr(one) for one in known if one]
+        raise InputError(f"{name} must be {', '.join(words[:-1])} or {words[-1]}, got {shown(value)}")
 
 
 def table(name: str, value: object) -> dict[Any, Any]:
@@ -159,8 +185,8 @@ def entry(name: str, value: Mapping[Any, Any]) -> Any:
 def numbers(name: str, value: ArrayLike, shape: tuple[int, ...], *, has_gaps: bool = False) -> NDArray[np.float64]:
     """Numbers of this shape as float64, finite unless some may be missing (NaN)."""
     array = given(name, value)
-    if array.shape != shape or array.dtype.kind not in "fiu":
-        raise InputError(f"{name} must be numbers of the shape {list(shape)}, got {array.dtype} {list(array.shape)}")
+    is_fit = array.shape == shape and array.dtype.kind in "fiu"
+    must(is_fit, f"{name} must be numbers of the shape {list(shape)}, got {kind(array)}")
     array = np.array(array, np.float64)
     if np.isinf(array).any() or (not has_gaps and np.isnan(array).any()):
         rule = "finite, or NaN where unknown" if has_gaps else "finite"
@@ -176,7 +202,7 @@ def poses(name: str, value: ArrayLike) -> Floats:
     array = given(name, value)
     if array.shape == (0,):
         return np.empty((0, 7), np.float32)
-    if array.ndim == 3 and array.shape[1:] == (4, 4) and array.dtype.kind in "fiu":
+    if array.dtype.kind in "fiu" and _fits(array.shape, (None, 4, 4)):
         exact = array.astype(np.float64)
         _off(name, exact)
         rows = np.concatenate([exact[:, :3, 3], quaternions(exact[:, :3, :3])], axis=1).astype(np.float32)
@@ -184,9 +210,8 @@ def poses(name: str, value: ArrayLike) -> Floats:
         rows = floats(name, array, (None, 7))
         _check_lengths(name, rows)
     else:
-        raise InputError(
-            f"{name} must have the shape [N, 4, 4] (matrices) or [N, 7] (x, y, z, qx, qy, qz, qw), got {list(array.shape)}"
-        )
+        rule = "have the shape [N, 4, 4] (matrices) or [N, 7] (x, y, z, qx, qy, qz, qw)"
+        raise InputError(f"{name} must {rule}, got {list(array.shape)}")
     _check_near(name, rows[:, :3])
     return rows
 
@@ -196,10 +221,9 @@ def rigid(name: str, value: ArrayLike, count_max: int) -> NDArray[np.float64]:
     array = given(name, value)
     if array.shape == (0,):
         return np.empty((0, 4, 4))
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{name} must be an array of numbers, got one of dtype {array.dtype}")
-    if array.ndim != 3 or array.shape[1:] != (4, 4) or len(array) > count_max:
-        raise InputError(f"{name} must have the shape [N, 4, 4], N at most {count_max}, got {list(array.shape)}")
+    must(array.dtype.kind in "fiu", f"{name} must be an array of numbers, got one of dtype {array.dtype}")
+    is_fit = _fits(array.shape, (None, 4, 4)) and len(array) <= count_max
+    must(is_fit, f"{name} must have the shape [N, 4, 4], N at most {count_max}, got {list(array.shape)}")
     exact = np.array(array, np.float64)
     rough = _off(name, exact) > EXACT_OFF_MAX
     _check_near(name, exact[:, :3, 3])
@@ -212,8 +236,8 @@ def rigid(name: str, value: ArrayLike, count_max: int) -> NDArray[np.float64]:
 def of_quaternions(name: str, rows: ArrayLike, count_max: int) -> NDArray[np.float64]:
     """Rigid transforms ``[N, 4, 4]`` in double precision, of positions and unit quaternions x, y, z, w ``[N, 7]``."""
     array = given(name, rows)
-    if array.ndim != 2 or array.shape[1] != 7 or array.dtype.kind not in "fiu":
-        raise InputError(f"{name} must be numbers of the shape [N, 7], got {array.dtype} {list(array.shape)}")
+    is_fit = array.dtype.kind in "fiu" and _fits(array.shape, (None, 7))
+    must(is_fit, f"{name} must be numbers of the shape [N, 7], got {kind(array)}")
     _check_lengths(name, array)
     return rigid(name, matrices(array), count_max)
 
@@ -223,8 +247,7 @@ def pose(name: str, value: ArrayLike) -> list[float]:
     array = given(name, value, "a pose")
     if array.shape == (3,) and array.dtype.kind in "fiu":
         array = np.concatenate([array, [0.0, 0.0, 0.0, 1.0]])
-    if array.shape not in ((4, 4), (7,)):
-        raise InputError(f"{name} must have the shape [4, 4], [7] or [3], got {list(array.shape)}")
+    must(array.shape in ((4, 4), (7,)), f"{name} must have the shape [4, 4], [7] or [3], got {list(array.shape)}")
     return [float(part) for part in poses(name, array[None])[0]]
 
 
@@ -254,31 +277,21 @@ def _check_lengths(name: str, rows: NDArray[Any]) -> None:
 
 
 def _check_near(name: str, positions_m: NDArray[Any]) -> None:
-    if (far := np.abs(positions_m).max(initial=0.0)) > FAR_M_MAX:
-        raise InputError(f"{name} must be positions in metres within {FAR_M_MAX:g}, got {far:g}")
+    must((far := np.abs(positions_m).max(initial=0.0)) <= FAR_M_MAX, f"{name} must be positions in metres within {FAR_M_MAX:g}, got {far:g}")
 
 
 def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit quaternions x, y, z, w, ``[N, 4]``, of rotations ``[N, 3, 3]`` (Shepperd's choice of the largest)."""
-    m = rotations
-    trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
-    squares = np.stack([m[:, 0, 0], m[:, 1, 1], m[:, 2, 2], trace], axis=1)
-    out = np.empty((len(m), 4))
-    for largest in range(4):
-        rows = np.nonzero(squares.argmax(axis=1) == largest)[0]
-        a = m[rows]
-        if largest == 3:
-            parts = [a[:, 2, 1] - a[:, 1, 2], a[:, 0, 2] - a[:, 2, 0], a[:, 1, 0] - a[:, 0, 1], 1.0 + trace[rows]]
-        else:
-            i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
-            parts = [None] * 4  # type: ignore[list-item]
-            parts[i] = 1.0 + a[:, i, i] - a[:, j, j] - a[:, k, k]
-            parts[j] = a[:, j, i] + a[:, i, j]
-            parts[k] = a[:, k, i] + a[:, i, k]
-            parts[3] = a[:, k, j] - a[:, j, k]
-        out[rows] = np.stack(parts, axis=1)
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
-    return out
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotations.transpose(1, 2, 0)
+    trace = xx + yy + zz
+    by_largest = [
+        [1.0 + xx - yy - zz, xy + yx, xz + zx, zy - yz],
+        [xy + yx, 1.0 + yy - zz - xx, yz + zy, xz - zx],
+        [xz + zx, yz + zy, 1.0 + zz - xx - yy, yx - xy],
+        [zy - yz, xz - zx, yx - xy, 1.0 + trace],
+    ]
+    out = np.array(by_largest)[np.stack([xx, yy, zz, trace]).argmax(axis=0), :, np.arange(len(rotations))]
+    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
 
 
 def matrices(rows: ArrayLike) -> NDArray[np.float64]:

@@ -49,18 +49,17 @@ def urdf_model(path: Path) -> tuple[Any, dict[str, tuple[str, float, float]]]:
         robot = ET.parse(path).getroot()
     except ET.ParseError as error:
         raise InputError(f"{path} must be a URDF, got {error}") from error
-    if robot.tag != "robot":
-        raise InputError(f"{path} must be a URDF whose outermost element is robot, got {robot.tag}")
+    _arrays.must(robot.tag == "robot", f"{path} must be a URDF whose outermost element is robot, got {robot.tag}")
     for old in robot.findall("mujoco"):
         robot.remove(old)
     options = ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler")
     options.attrib |= {"fusestatic": "false", "boundmass": "1e-3", "boundinertia": "1e-6", "strippath": "false"}
     assets: dict[str, bytes] = {}
     for link in robot.findall("link"):
-        kind = "collision" if link.find("collision") is not None else "visual"
-        for shape in [*link.findall("inertial"), *link.findall("visual" if kind == "collision" else "collision")]:
+        other = "collision" if link.find("collision") is None else "visual"
+        for shape in [*link.findall("inertial"), *link.findall(other)]:
             link.remove(shape)
-        for shape in link.findall(kind):
+        for shape in link.findall("visual"):
             shape.tag = "collision"
         for mesh in link.iter("mesh"):
             file = mesh_file(mesh.get("filename", ""), path.parent)
@@ -75,15 +74,13 @@ def urdf_model(path: Path) -> tuple[Any, dict[str, tuple[str, float, float]]]:
                     data = stl(np.array(re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data, re.I), float).reshape(-1, 3, 3))
             except (OSError, ET.ParseError, KeyError, ValueError) as error:
                 raise InputError(f"the mesh of link {link.get('name')} cannot be read: {file}: {error}") from error
-            name = f"{len(assets)}{'.stl' if ending == '.dae' else ending}"
+            mesh.set("filename", name := f"{len(assets)}{'.stl' if ending == '.dae' else ending}")
             assets[name] = data
-            mesh.set("filename", name)
     mimics = {}
     for joint in robot.findall("joint"):
         for again in joint.findall("limit")[1:]:  # MuJoCo refuses what ROS reads
             joint.remove(again)
-        mimic = joint.find("mimic")
-        if mimic is not None:
+        if (mimic := joint.find("mimic")) is not None:
             factor, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
             joint.remove(mimic)
@@ -121,16 +118,15 @@ def _collada(data: bytes) -> Floats:
 
     def placed(node: ET.Element, above: Floats) -> list[Floats]:
         here = above
-        for step in node:
-            values = np.array(text(step), float) if step.tag in ("matrix", "translate", "scale", "rotate") else np.empty(0)
-            move = np.eye(4)
+        for step in (step for step in node if step.tag in ("matrix", "translate", "scale", "rotate")):
+            values, move = np.array(text(step), float), np.eye(4)
             if step.tag == "matrix":
                 move = values.reshape(4, 4)
             elif step.tag == "translate":
                 move[:3, 3] = values
             elif step.tag == "scale":
                 move[:3, :3] = np.diag(values)
-            elif step.tag == "rotate":
+            else:
                 half = np.radians(values[3]) / 2
                 move = _arrays.matrices([[0, 0, 0, *(values[:3] / np.linalg.norm(values[:3]) * np.sin(half)), np.cos(half)]])[0]
             here = here @ move
@@ -170,12 +166,10 @@ class Hand:
 
     def __init__(self, path: Path, fingers: tuple[str, str], flange: str | None) -> None:
         self.mujoco, self.path = mujoco_module(), path
-        is_urdf = path.suffix.lower() == ".urdf"
-        self.model, self.mimics = urdf_model(path) if is_urdf else (_compiled(path, None, None), {})
+        self.model, self.mimics = urdf_model(path) if path.suffix.lower() == ".urdf" else (_compiled(path, None, None), {})
         self.data = self.mujoco.MjData(self.model)
         self.mujoco.mj_kinematics(self.model, self.data)
-        self.fingers = [self.body(name) for name in fingers]
-        self.flange = None if flange is None else self.body(flange)
+        self.fingers, self.flange = [self.body(name) for name in fingers], None if flange is None else self.body(flange)
         ways = [self.way(body) for body in self.fingers]
         if self.fingers[0] in ways[1] or self.fingers[1] in ways[0]:
             raise InputError(f"fingers must be two links that move apart, got {fingers[0]} and {fingers[1]}, of which one carries the other")
@@ -189,15 +183,15 @@ class Hand:
         self.geoms = [geom for geom in range(self.model.ngeom) if self.model.geom_bodyid[geom] in hand]
         colliding = [geom for geom in self.geoms if self.model.geom_contype[geom] | self.model.geom_conaffinity[geom]]
         self.geoms = colliding or self.geoms
-        self.sides = [self._side(ways, self.model.geom_bodyid[geom]) for geom in self.geoms]
+        carriers = [self.way(self.model.geom_bodyid[geom]) for geom in self.geoms]
+        #: Of each shape the finger that it belongs to: what its link carries.
+        self.sides = [next((side for side in (0, 1) if self.fingers[side] in way), None) for way in carriers]
         for name, side in zip(fingers, (0, 1)):
-            if side not in self.sides:
-                raise InputError(f"{name} must have a shape, and none of its links has: {path}")
+            _arrays.must(side in self.sides, f"{name} must have a shape, and none of its links has: {path}")
 
     def body(self, name: str) -> int:
         names = [self.name(body) for body in range(self.model.nbody)]
-        if name not in names:
-            raise InputError(f"no link is called {_arrays.shown(name)}; there are {', '.join(names[1:])}: {self.path}")
+        _arrays.must(name in names, f"no link is called {_arrays.shown(name)}; there are {', '.join(names[1:])}: {self.path}")
         return names.index(name)
 
     def name(self, body: int) -> str:
@@ -205,20 +199,13 @@ class Hand:
 
     def way(self, body: int) -> list[int]:
         """A body and all that carry it, up to the world."""
-        way = [body]
-        while way[-1]:
-            way.append(int(self.model.body_parentid[way[-1]]))
-        return way
+        return [body, *self.way(int(self.model.body_parentid[body]))] if body else [body]
 
     def fixed_to(self, body: int) -> int:
         """The first of the bodies that are fixed to each other, but the world."""
         while body and self.model.body_parentid[body] and not self.model.body_jntnum[body]:
             body = int(self.model.body_parentid[body])
         return body
-
-    def _side(self, ways: list[list[int]], body: int) -> int | None:
-        """The finger that a body belongs to: what its link carries."""
-        return next((side for side in (0, 1) if self.fingers[side] in self.way(body)), None)
 
     def moves(self, body: int) -> bool:
         return any(self.model.jnt_bodyid[joint] in self.way(body) for joint in self.joints)
@@ -233,14 +220,12 @@ class Hand:
 
     def states(self) -> list[Floats]:
         """Positions of all joints that are tried: as the description has them, and at their limits."""
-        model, mujoco = self.model, self.mujoco
-        states = [self.data.qpos.copy()]
-        equal = {}
-        loops = {int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)}
-        if loops & {int(kind) for kind in model.eq_type}:
+        model, kinds = self.model, self.mujoco.mjtEq
+        states, equal = [self.data.qpos.copy()], {}
+        if {int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)} & {int(kind) for kind in model.eq_type}:
             return states + self._driven()
         for number in range(model.neq):
-            if model.eq_type[number] == mujoco.mjtEq.mjEQ_JOINT and model.eq_obj2id[number] >= 0:
+            if model.eq_type[number] == kinds.mjEQ_JOINT and model.eq_obj2id[number] >= 0:
                 equal[int(model.eq_obj1id[number])] = (int(model.eq_obj2id[number]), model.eq_data[number, :5])
         for name, (leader, factor, offset) in self.mimics.items():
             try:
@@ -248,11 +233,10 @@ class Hand:
             except KeyError as error:
                 raise InputError(f"joint {name} mimics {leader}, which is no joint that moves: {self.path}") from error
         free = [joint for joint in self.joints if joint not in equal]
-        if not free or len(free) > JOINTS_MAX:
-            raise InputError(f"a hand must have 1 to {JOINTS_MAX} joints that mimic no other, got {len(free)}: {self.path}")
+        rule = f"a hand must have 1 to {JOINTS_MAX} joints that mimic no other, got {len(free)}: {self.path}"
+        _arrays.must(0 < len(free) <= JOINTS_MAX, rule)
         for joint in free:
-            if not model.jnt_limited[joint]:
-                raise InputError(f"joint {model.joint(joint).name} must have limits: {self.path}")
+            _arrays.must(model.jnt_limited[joint], f"joint {model.joint(joint).name} must have limits: {self.path}")
         for ends in itertools.product((0, 1), repeat=len(free)):
             state = self.data.qpos.copy()
             for one, end in zip(free, ends):
@@ -290,8 +274,7 @@ def surface_of(model: Any, geoms: Iterable[int]) -> Floats:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     parts = [triangles_of(model, data, geom, SIDES) for geom in geoms]
-    if not parts:
-        raise InputError("it must have a shape")
+    _arrays.must(parts, "it must have a shape")
     return np.concatenate(parts)
 
 
@@ -309,17 +292,13 @@ def triangles_of(model: Any, data: Any, geom: int, sides: int = 4) -> Floats:
         size = size if kind == kinds.mjGEOM_ELLIPSOID else size[[0, 0, 0]]
         own = _box(size) if sides == 4 else _turned(*_ball(1.0, 0.0, sides), sides) * size
     elif kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_CAPSULE):
-        radius, half = size[:2]
-        if sides == 4:
-            own = _box(np.array([radius, radius, half + (radius if kind == kinds.mjGEOM_CAPSULE else 0.0)]))
-        elif kind == kinds.mjGEOM_CAPSULE:
-            own = _turned(*_ball(radius, half, sides), sides)
-        else:
-            own = _turned(np.array([0, radius, radius, 0]), np.array([-half, -half, half, half]), sides)
+        (radius, half), is_capsule = size[:2], kind == kinds.mjGEOM_CAPSULE
+        ends = np.array([0, radius, radius, 0]), np.array([-half, -half, half, half])
+        radii, heights = _ball(radius, half, sides) if is_capsule else ends
+        own = _box(np.array([radius, radius, half + radius * is_capsule])) if sides == 4 else _turned(radii, heights, sides)
     else:
         raise InputError(f"a shape must be a mesh, box, cylinder, sphere, capsule or ellipsoid, got {kind.name}")
-    placed: Floats = own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-    return placed
+    return np.asarray(own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
 
 
 def _ball(radius: float, half: float, sides: int) -> tuple[Floats, Floats]:
@@ -338,12 +317,10 @@ def _turned(radii: Floats, heights: Floats, sides: int) -> Floats:
     low_next, high_next = (np.roll(some, -1, axis=1) for some in (low, high))
     triangles = np.stack([low, low_next, high_next, low, high_next, high], axis=2).reshape(-1, 3, 3)
     a, b, c = triangles.transpose(1, 0, 2)
-    full: Floats = triangles[np.cross(b - a, c - a).any(axis=1)]
-    return full
+    return np.asarray(triangles[np.cross(b - a, c - a).any(axis=1)])
 
 
 def _box(half: Floats) -> Floats:
     corners = np.array(list(itertools.product(*[(-x, x) for x in half])))
     sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    triangles: Floats = corners[np.array([[a, b, c] for a, b, c, _ in sides] + [[a, c, d] for a, _, c, d in sides])]
-    return triangles
+    return np.asarray(corners[np.array([[a, b, c] for a, b, c, _ in sides] + [[a, c, d] for a, _, c, d in sides])])

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _arrays, _native
-from .errors import InputError
 from .grippers import GripperLike
-from .object_grasps import ObjectGrasps, stable_pose
+from .object_grasps import NUMBERS, ObjectGrasps, stable_pose
 from .scene import OUTCOMES, Object, _simulation
 
 #: Sources of grasps, by their numbers.
@@ -20,29 +19,17 @@ SOURCES: tuple[str, ...] = tuple(_native.Annotation.sources())
 
 
 def annotate(
-    object: Object | str | os.PathLike[str],
-    *,
-    gripper: GripperLike | None = None,
-    grasps: int = 2_000,
-    given: ArrayLike | None = None,
-    held_only: bool = False,
-    test: str = "lift",
-    shares: tuple[float, float, float] = (0.8, 0.1, 0.1),
-    margins: bool = False,
-    repeats: int = 0,
-    drops: int = 100,
-    scale: float | None = None,
-    seed: int = 1,
-    threads: int | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> ObjectGrasps:
-    """Draws grasps over the whole surface of an object that floats, executes each, and says how it ended.
-
-    Equal arguments give equal grasps, those of ``graspmill objects annotate``.
+    object: Object | str | os.PathLike[str], *, gripper: GripperLike | None = None, grasps: int = 2_000,
+    given: ArrayLike | None = None, held_only: bool = False, test: str = "lift",
+    shares: tuple[float, float, float] = (0.8, 0.1, 0.1), margins: bool = False, repeats: int = 0, drops: int = 100,
+    scale: float | None = None, seed: int = 1, threads: int | None = None, progress: Callable[[int], None] | None = None,
+) -> ObjectGrasps:  # fmt: skip
+    """Draws grasps over the whole surface of an object that floats, executes each, and says how it ended: in the frame of the
+    mesh's file, or of the :class:`Object`. Equal arguments give equal grasps, those of ``graspmill objects annotate``.
 
     Args:
-        object: An object, whose pose does not matter; or the path of a mesh, a URDF or an MJCF (which
-            need MuJoCo: ``pip install graspmill[descriptions]``) or a catalogue of one object.
+        object: An object, whose pose does not matter; or the path of a mesh, a URDF or an MJCF (which need MuJoCo: ``pip install
+            graspmill[descriptions]``) or a catalogue of one object.
         gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file; ``parallel_jaw_80`` by default.
         grasps: Number of grasps; with ``held_only`` of those that hold.
         given: Grasps of somebody else to be labelled instead, ``object_from_grasp``, ``[N, 4, 4]`` or ``[N, 7]``.
@@ -57,42 +44,26 @@ def annotate(
         threads: Number of threads, by default one per core.
         progress: Is told how many grasps there are; an exception that it raises stops the work.
 
-    Returns:
-        The grasps, in the frame of the mesh's file, or of the :class:`Object`: the middle of its bounding box.
-
     Raises:
         InputError: If an argument is wrong, or the file cannot be used.
     """
     from .formats import objects
 
-    body = path = meters = None
-    if isinstance(object, Object):
-        body = (object._body, object.mass_kg, object.friction)
-        if scale is not None:
-            raise InputError("scale goes with a file")
-    else:
-        meters = None if scale is None else _arrays.number("scale", scale, 1e-9, 1e6)
-        path = os.path.abspath(_arrays.path("object", object))
+    body = (object._body, object.mass_kg, object.friction) if isinstance(object, Object) else None
+    path = None if isinstance(object, Object) else os.path.abspath(_arrays.path("object", object))
+    _arrays.must(path is not None or scale is None, "scale goes with a file")
+    scale = None if scale is None else _arrays.number("scale", scale, 1e-9, 1e6)
     parts = [_arrays.number("shares", share, 0.0, 1.0) for share in _arrays.floats("shares", shares, (3,))]
-    if not sum(parts):
-        raise InputError("shares must not all be 0")
-    params = (
-        _arrays.whole("grasps", grasps, 1, 1_000_000),
-        _arrays.flag("held_only", held_only),
-        parts,
-        _arrays.text("test", test),
-        _arrays.flag("margins", margins),
-        _arrays.whole("repeats", repeats, 0, 1_000),
-        _arrays.whole("drops", drops, 0, 10_000),
-        _arrays.whole("seed", seed, 0, 2**63 - 1),
-    )
+    _arrays.must(sum(parts), "shares must not all be 0")
+    count, seed = _arrays.whole("grasps", grasps, 1, 1_000_000), _arrays.whole("seed", seed, 0, 2**63 - 1)
+    repeats, drops = _arrays.whole("repeats", repeats, 0, 1_000), _arrays.whole("drops", drops, 0, 10_000)
+    held_only, margins = _arrays.flag("held_only", held_only), _arrays.flag("margins", margins)
+    params = (count, held_only, parts, _arrays.text("test", test), margins, repeats, drops, seed)
     poses = None if given is None else _arrays.poses("given", given)
-    count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
-    if not (progress is None or callable(progress)):
-        raise InputError(f"progress must be a function, got {_arrays.shown(progress)}")
+    _arrays.must(progress is None or callable(progress), "progress must be a function", progress)
     with objects.described([] if path is None else [path]) as described:
-        file = None if path is None else (path, meters, described)
-        work = _native.Annotation(body, file, _simulation(gripper, None), params, poses, count)
+        file = None if path is None else (path, scale, described)
+        work = _native.Annotation(body, file, _simulation(gripper, None), params, poses, _arrays.threads(threads))
         while not work.has_ended():
             if progress is not None:
                 progress(work.made)
@@ -107,25 +78,18 @@ def _set(work: _native.Annotation) -> ObjectGrasps:
     weights = np.array([probability for probability, _ in stable])
     free = work.free_on_table()
     shares = free @ weights / weights.sum() if weights.sum() > 0 else np.full(len(numbers), np.nan)
-    width, left, right, left_normal, right_normal, rest = np.split(numbers, [1, 4, 7, 10, 13], axis=1)
+    # In the order of NUMBERS, of which the last are not measured.
+    width, contacts, normals, rest = np.split(numbers, [1, 7, 13], axis=1)
+    measured = dict(zip([name for name, shape in NUMBERS.items() if not shape], (width[:, 0], *rest.T)))
     return ObjectGrasps(
-        name=info["object"]["name"],
-        file=info["object"]["file"],
-        scale_m=info["object"]["scale_m"],
+        **{key: info["object"][key] for key in ("name", "file", "scale_m")},
         object_from_grasp=_arrays.matrices(work.poses()),
         outcome=np.array(OUTCOMES)[outcomes],
         held=outcomes == OUTCOMES.index("held"),
         source=np.array(SOURCES)[sources],
-        width_m=width[:, 0],
-        contacts_m=np.stack([left, right], axis=1),
-        normals=np.stack([left_normal, right_normal], axis=1),
-        closing_moved_m=rest[:, 0],
-        closing_turned_rad=rest[:, 1],
-        test_moved_m=rest[:, 2],
-        test_turned_rad=rest[:, 3],
-        friction_min=rest[:, 4],
-        tug_max_g=rest[:, 5],
-        robust_share=rest[:, 6],
+        contacts_m=contacts.reshape(-1, 2, 3),
+        normals=normals.reshape(-1, 2, 3),
+        **measured,
         on_table_share=shares,
         is_free_on_table=free,
         stable_poses=stable,

@@ -31,10 +31,9 @@ class Camera:
         fy_px: Focal length along v.
         cx_px: Principal point, u; pixel centres are whole numbers.
         cy_px: Principal point, v.
-        workspace_from_camera: Its pose: ``[4, 4]``, position and quaternion ``[7]``, or a position ``[3]``; ``None`` if it is
-            not known: :meth:`Planner.plan` then finds the table.
-        convention: The axes of that pose: ``"opencv"`` (x right, y down, z forward) or ``"opengl"`` (x right, y up, z
-            back).
+        workspace_from_camera: Its pose: ``[4, 4]``, position and quaternion ``[7]``, or a position ``[3]``; ``None`` if it is not
+            known: :meth:`Planner.plan` then finds the table.
+        convention: The axes of that pose: ``"opencv"`` (x right, y down, z forward) or ``"opengl"`` (x right, y up, z back).
     """
 
     width_px: int
@@ -47,23 +46,17 @@ class Camera:
     convention: Convention = "opencv"
 
     def __post_init__(self) -> None:
-        for name in ("width_px", "height_px"):
-            object.__setattr__(self, name, _arrays.whole(name, getattr(self, name), 1, _SIZE_PX_MAX))
-        for name in ("fx_px", "fy_px"):
-            object.__setattr__(self, name, _arrays.number(name, getattr(self, name), 1e-3, _FOCAL_PX_MAX))
-        for name in ("cx_px", "cy_px"):
-            object.__setattr__(self, name, _arrays.number(name, getattr(self, name), -_FOCAL_PX_MAX, _FOCAL_PX_MAX))
-        if not isinstance(self.convention, str) or self.convention not in ("opencv", "opengl"):
-            raise InputError(f"convention must be 'opencv' or 'opengl', got {_arrays.shown(self.convention)}")
+        own = vars(self)
+        own |= {name: _arrays.whole(name, own[name], 1, _SIZE_PX_MAX) for name in ("width_px", "height_px")}
+        own |= {name: _arrays.number(name, own[name], 1e-3, _FOCAL_PX_MAX) for name in ("fx_px", "fy_px")}
+        own |= {name: _arrays.number(name, own[name], -_FOCAL_PX_MAX, _FOCAL_PX_MAX) for name in ("cx_px", "cy_px")}
+        _arrays.one_of("convention", self.convention, ("opencv", "opengl"))
         if self.workspace_from_camera is None:
             return
         rows = _arrays.pose("workspace_from_camera", self.workspace_from_camera)
         given = np.asarray(self.workspace_from_camera)
         matrix = given.astype(np.float64) if given.shape == (4, 4) else _arrays.matrices([rows])[0]
-        if self.convention == "opengl":
-            matrix = matrix @ _OPENGL
-        object.__setattr__(self, "workspace_from_camera", matrix)
-        object.__setattr__(self, "convention", "opencv")
+        own |= {"workspace_from_camera": matrix @ _OPENGL if self.convention == "opengl" else matrix, "convention": "opencv"}
 
     @classmethod
     def from_K(
@@ -89,10 +82,8 @@ class Camera:
         (fx, fy), (cx, cy) = np.diag(matrix)[:2], matrix[:2, 2]
         if np.abs(matrix - [[fx, 0, cx, 0][:columns], [0, fy, cy, 0][:columns], [0, 0, 1, 0][:columns]]).max() > 1e-6:
             raise InputError(f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got {matrix.tolist()}")
-        try:
+        with _arrays.read_as("shape must be (height, width)", shape):
             height, width = shape
-        except (TypeError, ValueError) as error:
-            raise InputError(f"shape must be (height, width), got {_arrays.shown(shape)}") from error
         return cls(width, height, fx, fy, cx, cy, workspace_from_camera, convention)  # type: ignore[arg-type]
 
     @classmethod
@@ -116,8 +107,7 @@ class Camera:
         """
         eye, target = (_arrays.floats(name, value, (3,)).astype(np.float64) for name, value in (("eye_m", eye_m), ("target_m", target_m)))
         forward = target - eye
-        if np.linalg.norm(forward) < 1e-6:
-            raise InputError("eye_m must not be target_m")
+        _arrays.must(np.linalg.norm(forward) >= 1e-6, "eye_m must not be target_m")
         forward /= np.linalg.norm(forward)
         up = np.array([0.0, 1.0, 0.0]) if abs(forward[2]) > 1.0 - 1e-9 else np.array([0.0, 0.0, 1.0])
         right = np.cross(forward, up)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _native
-from .errors import InputError
 from .grippers import GripperLike
 from .scene import _simulation
 
@@ -51,14 +50,9 @@ class GraspCrops:
 
 
 def grasp_crops(
-    tsdf: ArrayLike,
-    workspace_from_grasp: ArrayLike,
-    *,
-    gripper: GripperLike | None = None,
-    views: int = 6,
-    voxel_size_m: float = 0.0075,
-    table_z_m: float = 0.05,
-) -> GraspCrops:
+    tsdf: ArrayLike, workspace_from_grasp: ArrayLike, *, gripper: GripperLike | None = None, views: int = 6,
+    voxel_size_m: float = 0.0075, table_z_m: float = 0.05,
+) -> GraspCrops:  # fmt: skip
     """Resamples a TSDF in the frame of each grasp: the input of a judge (``docs/judge.md``).
 
     Args:
@@ -73,17 +67,14 @@ def grasp_crops(
         InputError: If an argument has another shape or is no pose.
     """
     values = _arrays.floats("tsdf", tsdf, (None, None, None), " (x, y, z)")
-    side = len(values)
-    if not 8 <= side <= _SIDE_MAX or values.shape != (side, side, side):
-        raise InputError(f"tsdf must be a cube of 8 to {_SIDE_MAX} voxels along a side, got {list(values.shape)}")
+    side, shape = len(values), list(values.shape)
+    _arrays.must(8 <= side <= _SIDE_MAX and shape == [side] * 3, f"tsdf must be a cube of 8 to {_SIDE_MAX} voxels along a side, got {shape}")
     _arrays.vgn_values("tsdf", values)
     poses = _arrays.poses("workspace_from_grasp", workspace_from_grasp)
-    if len(poses) > GRASPS_MAX:
-        raise InputError(f"workspace_from_grasp must be at most {GRASPS_MAX} grasps, got {len(poses)}")
+    _arrays.must(len(poses) <= GRASPS_MAX, f"workspace_from_grasp must be at most {GRASPS_MAX} grasps, got {len(poses)}")
     rows = np.zeros((len(poses), 4), np.uint32)
     rows[:, 2] = _arrays.whole("views", views, 1, 32)
-    voxel_m = _arrays.number("voxel_size_m", voxel_size_m, 1e-4, 1.0)
-    table_m = _arrays.number("table_z_m", table_z_m, -1.0, 1.0)
+    voxel_m, table_m = _arrays.number("voxel_size_m", voxel_size_m, 1e-4, 1.0), _arrays.number("table_z_m", table_z_m, -1.0, 1.0)
     return cut(_native.Crops(_simulation(gripper, None), side, side * voxel_m, table_m), values, poses, rows)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import copyreg
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,29 +28,22 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int, int], None]
 
 
-def _anywhere(location: str) -> str:
-    """The location for a process with another current folder."""
-    return location if "://" in location else os.path.abspath(location)
+def _location(path: str | os.PathLike[str]) -> str:
+    """A dataset's place, also for a process with another current folder."""
+    text = _arrays.path("the dataset", path)
+    return text if "://" in text else os.path.abspath(text)
 
 
 # What holds an open dataset opens it again in another process.
-copyreg.pickle(_native.Dataset, lambda opened: (_native.Dataset, (_anywhere(opened.location),)))
+copyreg.pickle(_native.Dataset, lambda opened: (_native.Dataset, (_location(opened.location),)))
 
 
 def generate(
-    out: str | os.PathLike[str],
-    config: str | os.PathLike[str] | None = "paper",
-    *,
-    gripper: GripperLike | None = None,
-    shards: int | None = None,
-    attempts: int | None = None,
-    seed: int | None = None,
-    policy: str | os.PathLike[str] | None = None,
-    settings: Mapping[str, Any] | None = None,
-    rejected_max: float = 0.1,
-    threads: int | None = None,
-    progress: Progress | bool = False,
-) -> Dataset:
+    out: str | os.PathLike[str], config: str | os.PathLike[str] | None = "paper", *, gripper: GripperLike | None = None,
+    shards: int | None = None, attempts: int | None = None, seed: int | None = None,
+    policy: str | os.PathLike[str] | None = None, settings: Mapping[str, Any] | None = None, rejected_max: float = 0.1,
+    threads: int | None = None, progress: Progress | bool = False,
+) -> Dataset:  # fmt: skip
     """Generates a dataset, or continues it. It has the same bytes as that of ``graspmill generate``.
 
     Args:
@@ -66,21 +59,15 @@ def generate(
         threads: Number of threads, by default one per core; it never changes the bytes.
         progress: ``True`` for a progress bar (needs tqdm), or a function; an exception that it raises stops the work.
 
-    Returns:
-        The dataset.
-
     Raises:
         InputError: If the config is wrong, or the folder holds another dataset.
         OutsideError: If the disk or the store fails; the same call continues.
         KeyboardInterrupt: After Ctrl-C. Complete shards are kept, and the same call continues.
     """
-    config = None if config in (None, "paper") else config
-    where = _location(out)
-    limits = {"shards": shards, "attempts": attempts, "seed": seed}
+    where, limits = _location(out), {"shards": shards, "attempts": attempts, "seed": seed}
     shards, attempts, seed = (None if value is None else _arrays.whole(name, value, 0, 2**63 - 1) for name, value in limits.items())
-    count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
-    share = _arrays.number("rejected_max", rejected_max, 0.0, 1.0)
-    files = (("config", config), ("policy", policy))
+    count, share = _arrays.threads(threads), _arrays.number("rejected_max", rejected_max, 0.0, 1.0)
+    files = (("config", None if config == "paper" else config), ("policy", policy))
     paths = [None if path is None else os.path.abspath(_arrays.path(name, path)) for name, path in files]
     pairs = _pairs(gripper, settings)
 
@@ -101,31 +88,21 @@ def generate(
 
 def told(run: Callable[[Progress | None], None], progress: Progress | bool | None, unit: str) -> None:
     """Does work that tells how far it is: to a bar, to a function, or to nobody."""
-    if progress is True:
-        with _bar(unit) as bar:
-
-            def show(done: int, total: int, held: int) -> None:
-                bar.total = total
-                bar.update(done - bar.n)
-
-            run(show)
-    elif callable(progress) or progress is False or progress is None:
+    if progress is None or progress is False or callable(progress):
         run(progress or None)
-    else:
-        raise InputError(f"progress must be True, False or a function, got {_arrays.shown(progress)}")
-
-
-def _bar(unit: str) -> Any:
+        return
+    _arrays.must(progress is True, "progress must be True, False or a function", progress)
     try:
         from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
     except ImportError as error:
         raise InputError("progress=True needs tqdm: pip install tqdm, or give a function") from error
-    return tqdm(unit=unit, total=None)
+    with tqdm(unit=unit, total=None) as bar:
 
+        def show(done: int, total: int, held: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
 
-def _location(path: str | os.PathLike[str]) -> str:
-    text = _arrays.path("the dataset", path)
-    return text if "://" in text else os.path.abspath(text)
+        run(show)
 
 
 class Table:
@@ -189,11 +166,8 @@ class StoredScene:
         return Page(self._dataset.replay_page(self.scene_id, number))
 
     def export(self, folder: str | os.PathLike[str], format: str = "mjcf") -> None:
-        """Writes the scene for a simulator, as ``graspmill dataset export`` does (``docs/exporting.md``).
-
-        Args:
-            folder: A folder, which is made if it does not exist; files of the same names are replaced.
-            format: ``"mjcf"`` for MuJoCo, ``"urdf"`` for PyBullet and others, ``"usda"`` for Isaac Sim and others.
+        """Writes the scene for a simulator into a folder, as ``graspmill dataset export`` does (``docs/exporting.md``): ``"mjcf"``
+        for MuJoCo, ``"urdf"`` for PyBullet and others, ``"usda"`` for Isaac Sim and others. Files of the same names are replaced.
 
         Raises:
             InputError: If there is no such format, or no folder can be made there.
@@ -246,7 +220,7 @@ class Dataset:
         self.close()
 
     def __reduce__(self) -> tuple[type[Dataset], tuple[str]]:
-        return type(self), (_anywhere(self._native.location),)
+        return type(self), (_location(self._native.location),)
 
     def __repr__(self) -> str:
         if self._open is None:
@@ -262,8 +236,7 @@ class Dataset:
     @property
     def info(self) -> dict[str, Any]:
         """Its ``meta/info.json``, which has the whole configuration."""
-        info: dict[str, Any] = json.loads(self._native.info())
-        return info
+        return cast("dict[str, Any]", json.loads(self._native.info()))
 
     @property
     def shard_count(self) -> int:
@@ -289,26 +262,14 @@ class Dataset:
         return self.scene_count
 
     def scene(self, scene_id: int) -> StoredScene:
-        """A scene with its attempts.
-
-        Args:
-            scene_id: Its number, from 0.
-        """
+        """A scene with its attempts, by its number from 0."""
         number = _arrays.whole("scene_id", scene_id, 0, self.scene_count - 1)
         scene, rows = Scene._of((self._native, number))
         width, height, fx, fy, cx, cy = self._native.intrinsics()
         cameras = [Camera(int(width), int(height), fx, fy, cx, cy, pose) for pose in rows["workspace_from_camera"]]
-        names = ("outcome", "width_m", "hit", "hit_object", "target")
-        return StoredScene(
-            number,
-            scene,
-            cameras,
-            rows["tsdf"],
-            rows["workspace_from_grasp"],
-            Outcomes(*(rows[name] for name in names)),
-            rows["rule"],
-            self._native,
-        )
+        outcomes = Outcomes(*(rows[one.name] for one in fields(Outcomes)))
+        poses = rows["workspace_from_grasp"]
+        return StoredScene(number, scene, cameras, rows["tsdf"], poses, outcomes, rows["rule"], self._native)
 
     def __getitem__(self, scene_id: int) -> StoredScene:
         number = _arrays.whole("scene_id", scene_id, -(2**63), 2**63 - 1)
@@ -344,8 +305,7 @@ class Dataset:
 
     def report(self) -> dict[str, Any]:
         """Statistics, as ``graspmill dataset report --json`` has them."""
-        report: dict[str, Any] = json.loads(self._native.report(False))
-        return report
+        return cast("dict[str, Any]", json.loads(self._native.report(False)))
 
     def page(self) -> Page:
         """The statistics as a page with figures."""

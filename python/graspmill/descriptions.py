@@ -18,7 +18,7 @@ import numpy as np
 from . import _arrays, _native
 from ._robots import Floats, Hand
 from .errors import GraspmillError, InputError
-from .grippers import Gripper
+from .grippers import LENGTHS, Gripper, lines
 
 __all__ = ["HandBoxes", "from_description", "picture"]
 
@@ -31,23 +31,15 @@ HALF_M = 0.010
 BETWEEN_M = 0.0005
 STEP_M = 0.0005
 
-_LENGTHS = ("opening_m_max", "finger_length_m", "finger_width_m", "finger_thickness_m", "palm_length_m", "palm_width_m", "palm_breadth_m")
-
 
 @dataclass(frozen=True, eq=False)
 class HandBoxes:
-    """The three boxes of a gripper around the geometry of a description, open. Lengths as in :class:`Gripper`.
+    """The three boxes of a gripper around the geometry of a description, open. Lengths that are not listed are those of
+    :class:`Gripper`.
 
     Attributes:
         path: The description.
-        opening_m_max: Distance of the inner faces.
-        opening_m_min: The same with the joints at their other limit.
-        finger_length_m: Along z.
-        finger_width_m: Along x.
-        finger_thickness_m: Along y.
-        palm_length_m: Along z.
-        palm_width_m: Along x.
-        palm_breadth_m: Along y.
+        opening_m_min: Distance of the inner faces with the joints at their other limit.
         flange_from_grasp: ``[4, 4]``, the grasp frame in the frame of the link ``flange``; ``None`` if it is not known.
         boxes_m3: Volume of the boxes.
         meshes_m3: Volume of the geometry, parts that overlap counted twice.
@@ -68,27 +60,11 @@ class HandBoxes:
     meshes_m3: float
     parts: list[tuple[Floats, bool]]
 
-    def gripper(
-        self,
-        name: str,
-        *,
-        finger_mass_kg: float,
-        finger_force_n: float,
-        closing_speed_m_s: float,
-        friction: float = 1.0,
-        clearance_m: float = 0.001,
-    ) -> Gripper:
-        """The gripper, with what a description does not tell: see :class:`Gripper`."""
-        return Gripper(
-            name=name,
-            **{key: getattr(self, key) for key in _LENGTHS},
-            finger_mass_kg=finger_mass_kg,
-            finger_force_n=finger_force_n,
-            closing_speed_m_s=closing_speed_m_s,
-            friction=friction,
-            clearance_m=clearance_m,
-            flange_from_grasp=self.flange_from_grasp,
-        )
+    def gripper(self, name: str, **others: float) -> Gripper:
+        """The gripper, with what a description does not tell: ``finger_mass_kg``, ``finger_force_n``, ``closing_speed_m_s`` and,
+        unless they are its defaults, ``friction`` and ``clearance_m`` of :class:`Gripper`."""
+        lengths: dict[str, float] = {key: getattr(self, key) for key in LENGTHS[:7]}
+        return Gripper(name=name, flange_from_grasp=self.flange_from_grasp, **lengths, **others)
 
 
 def _cut(triangles: Floats, z: float) -> Floats:
@@ -110,14 +86,12 @@ def _volume(triangles: Floats) -> float:
 def _along(axes: Floats, direction: Floats) -> Floats:
     """The axis of a frame that is nearest to a direction, with its sign."""
     nearest = int(np.abs(axes.T @ direction).argmax())
-    axis: Floats = axes[:, nearest] * np.sign(axes[:, nearest] @ direction)
-    return axis
+    return np.asarray(axes[:, nearest] * np.sign(axes[:, nearest] @ direction))
 
 
 def _middle(triangles: Floats) -> Floats:
     points = triangles.reshape(-1, 3)
-    middle: Floats = (points.max(axis=0) + points.min(axis=0)) / 2
-    return middle
+    return np.asarray((points.max(axis=0) + points.min(axis=0)) / 2)
 
 
 def _frame(hand: Hand, shapes: list[Floats]) -> tuple[Floats, Floats]:
@@ -148,8 +122,7 @@ def _opening(hand: Hand, shapes: list[Floats]) -> float:
         points = _cut(np.concatenate([(shape - origin) @ turn for shape, of in zip(shapes, hand.sides) if of == side]), -PAD_M)
         if not len(points):  # one finger is far behind the other
             return -np.inf
-        sign = np.sign(points[:, 1].mean())
-        inner.append(float((points[:, 1] * sign).min()))
+        inner.append(float((points[:, 1] * np.sign(points[:, 1].mean())).min()))
     return 2 * min(inner)
 
 
@@ -165,8 +138,7 @@ def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, fl
     Raises:
         InputError: If MuJoCo is missing, or the description has no such hand; the message names the link, the joint or the file.
     """
-    if isinstance(fingers, str) or len(fingers) != 2:
-        count = 1 if isinstance(fingers, str) else len(fingers)
+    if (count := 1 if isinstance(fingers, str) else len(fingers)) != 2:
         raise InputError(f"fingers must be two links, got {count}: graspmill has parallel jaws only")
     hand = Hand(Path(_arrays.path("path", path)), (fingers[0], fingers[1]), flange)
     states = hand.states()
@@ -181,7 +153,7 @@ def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, fl
     everything = np.concatenate(local)
     length = _finger_length(everything, opening)
     (width, thickness), palm = _boxes(everything, opening, length)
-    sizes = dict(zip(_LENGTHS, (opening, length, width, thickness, *palm)))
+    sizes = dict(zip(LENGTHS, (opening, length, width, thickness, *palm)))
     # Outwards to tenths of a millimetre.
     outwards = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
     fingers_m3 = 2 * outwards["finger_length_m"] * outwards["finger_width_m"] * outwards["finger_thickness_m"]
@@ -212,8 +184,7 @@ def _finger_length(everything: Floats, opening: float) -> float:
         (width, thickness), (_, palm_width, palm_breadth) = _boxes(everything, opening, length)
         behind = 0.5 ** (length / HALF_M)
         best = min(best, (2 * width * thickness * (1 - behind) + palm_width * palm_breadth * behind, float(length)))
-    if not best[1]:
-        raise InputError(f"the jaws must be free of other parts over {1e3 * PAD_M:.0f} mm from the tips")
+    _arrays.must(best[1], f"the jaws must be free of other parts over {1e3 * PAD_M:.0f} mm from the tips")
     return best[1]
 
 
@@ -255,17 +226,14 @@ def picture(boxes: HandBoxes) -> str:
         (1, boxes.finger_thickness_m, boxes.palm_breadth_m, (half, -half - boxes.finger_thickness_m)),
         (0, boxes.finger_width_m, boxes.palm_width_m, (-boxes.finger_width_m / 2,)),
     ):
-        rows = [(points, is_finger) for points, is_finger in boxes.parts if len(points) > 2]
-        shapes = [
-            f'<polygon points="{" ".join(f"{1e3 * u:.1f},{1e3 * v:.1f}" for u, v in _outline(points[:, [axis, 2]]))}"'
-            f' fill="{"#68a" if is_finger else "#bcd"}" fill-opacity="0.6"/>'
-            for points, is_finger in sorted(rows, key=lambda row: row[1])
-        ]
-        rects = [(left, -length, width, length) for left in jaws] + [(-palm / 2, -back, palm, boxes.palm_length_m)]
-        shapes += [
-            f'<rect x="{1e3 * x:.1f}" y="{1e3 * y:.1f}" width="{1e3 * w:.1f}" height="{1e3 * h:.1f}" fill="none" stroke="#c00" stroke-width="0.6"/>'
-            for x, y, w, h in rects
-        ]
+        shapes = []
+        for points, is_finger in sorted(boxes.parts, key=lambda part: part[1]):
+            if len(points) > 2:
+                corners = " ".join(f"{1e3 * u:.1f},{1e3 * v:.1f}" for u, v in _outline(points[:, [axis, 2]]))
+                shapes.append(f'<polygon points="{corners}" fill="{"#68a" if is_finger else "#bcd"}" fill-opacity="0.6"/>')
+        for box in [*((left, -length, width, length) for left in jaws), (-palm / 2, -back, palm, boxes.palm_length_m)]:
+            x, y, w, h = (f"{1e3 * value:.1f}" for value in box)
+            shapes.append(f'<rect x="{x}" y="{y}" width="{w}" height="{h}" fill="none" stroke="#c00" stroke-width="0.6"/>')
         views.append((shapes, max(palm, boxes.opening_m_max + 2 * boxes.finger_thickness_m if axis else width)))
     widths = [1e3 * width + 10 for _, width in views]
     height = 1e3 * back + 22
@@ -281,26 +249,12 @@ def picture(boxes: HandBoxes) -> str:
 
 def _said(boxes: HandBoxes) -> str:
     lines = [f"{field.name:<20}{1e3 * getattr(boxes, field.name):>8.1f} mm" for field in fields(boxes) if field.type == "float" and "_m3" not in field.name]
-    if boxes.flange_from_grasp is None:
-        lines.append("flange_from_grasp   not known: give --flange")
-    else:
-        lines.append("flange_from_grasp   " + ", ".join(f"{1e3 * part:.1f}" for part in boxes.flange_from_grasp[:3, 3]) + " mm")
+    flange = boxes.flange_from_grasp
+    at = "not known: give --flange" if flange is None else ", ".join(f"{1e3 * part:.1f}" for part in flange[:3, 3]) + " mm"
+    lines.append(f"flange_from_grasp   {at}")
     share = boxes.boxes_m3 / boxes.meshes_m3 if boxes.meshes_m3 > 0 else np.inf
     lines.append(f"boxes {1e6 * boxes.boxes_m3:.0f} cm3, shapes {1e6 * boxes.meshes_m3:.0f} cm3: {share:.1f} times as much")
     return "\n".join(lines)
-
-
-def _toml(gripper: Gripper, boxes: HandBoxes) -> str:
-    lines = [f"# Boxes around the collision geometry of {boxes.path.name}. Compare them with the real hand."]
-    for field in fields(gripper):
-        value = getattr(gripper, field.name)
-        if field.name == "flange_from_grasp":
-            if value is not None:
-                *position, x, y, z, w = (round(part, 6) for part in _arrays.pose(field.name, value))
-                lines.append(f"{field.name} = {{ position_m = {position}, quaternion_xyzw = {[x, y, z, w]} }}")
-        elif value is not None:
-            lines.append(f'{field.name} = "{value}"' if field.name == "name" else f"{field.name} = {value!r}")
-    return "\n".join(lines) + "\n"
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -324,7 +278,8 @@ def main(words: Sequence[str] | None = None) -> int:
                 raise InputError("--out needs --mass, --force and --speed, which no description tells")
             name = Path(given.out).stem
             gripper = boxes.gripper(name, finger_mass_kg=given.mass, finger_force_n=given.force, closing_speed_m_s=given.speed)
-            _native.publish(given.out, _toml(gripper, boxes))
+            head = f"# Boxes around the collision geometry of {boxes.path.name}. Compare them with the real hand."
+            _native.publish(given.out, "\n".join([head, *lines(gripper, 6), ""]))
     except GraspmillError as error:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code

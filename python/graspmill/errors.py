@@ -11,8 +11,6 @@ class GraspmillError(Exception):
 class InternalError(GraspmillError):
     """A defect of graspmill; please report it."""
 
-    exit_code = 1
-
 
 class InputError(GraspmillError, ValueError):
     """An argument, a setting or a path is wrong; the message names it, the rule and the value."""

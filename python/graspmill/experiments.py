@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arrays, _native
 from .cameras import Camera
 from .dataset import Progress, told
-from .errors import InputError, OutsideError
+from .errors import OutsideError
 from .grippers import Gripper
 from .pages import Page
 from .plans import Plan
@@ -53,21 +53,12 @@ class Look:
 
     @classmethod
     def _of(cls, seen: _native.Seen, gripper: Gripper) -> Look:
-        def camera(number: int, lens: list[float], pose: list[float]) -> Camera:
-            width, height, fx, fy, cx, cy = lens
-            is_first = seen.finds_table and not number
-            return Camera(int(width), int(height), fx, fy, cx, cy, None if is_first else np.asarray(pose))
-
-        return cls(
-            depths=seen.depths(),
-            cameras=[camera(number, lens, pose) for number, (lens, pose) in enumerate(seen.cameras())],
-            objects=seen.objects(),
-            object_count=seen.object_count,
-            failed=_arrays.matrices(seen.failed()),
-            down=np.asarray(seen.down, np.float64),
-            gripper=gripper,
-            workspace_size_m=seen.workspace_size_m,
-        )
+        cameras: list[Camera] = []
+        for (width, height, fx, fy, cx, cy), pose in seen.cameras():
+            is_known = cameras or not seen.finds_table
+            cameras.append(Camera(int(width), int(height), fx, fy, cx, cy, np.asarray(pose) if is_known else None))
+        failed, down = _arrays.matrices(seen.failed()), np.asarray(seen.down, np.float64)
+        return cls(seen.depths(), cameras, seen.objects(), seen.object_count, failed, down, gripper, seen.workspace_size_m)
 
     def clouds(self) -> tuple[list[NDArray[np.float32]], NDArray[np.float32]]:
         """The points that all cameras saw, in metres: of each object ``[N, 3]``, and of everything else ``[M, 3]``."""
@@ -85,12 +76,8 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class ExperimentResults:
-    """The results of an experiment; its folder has them as tables and pages, too (``docs/experiments.md``).
-
-    Attributes:
-        folder: The folder.
-        results: Counts, and rates with intervals, as ``report.json`` has them.
-    """
+    """The results of an experiment, counts, and rates with intervals, as ``report.json`` of its ``folder`` has them; tables and
+    pages are there, too (``docs/experiments.md``)."""
 
     folder: Path
     results: dict[str, Any]
@@ -100,25 +87,16 @@ class ExperimentResults:
         return Page(_native.experiment_page(self.folder))
 
     def __repr__(self) -> str:
-        counts = self.results
-        return (
-            f"ExperimentResults({counts['protocol']}: {counts['held']} of {counts['attempts']} grasps held, "
-            f"{counts['removed']} of {counts['objects']} objects removed)"
-        )
+        told = "{protocol}: {held} of {attempts} grasps held, {removed} of {objects} objects removed"
+        return f"ExperimentResults({told.format(**self.results)})"
 
 
 def experiment(
-    out: str | os.PathLike[str],
-    config: str | os.PathLike[str] = "pile",
-    *,
-    planner: Callable[[Look], Planned] | None = None,
-    name: str | None = None,
-    rounds: int | None = None,
-    seed: int | None = None,
-    settings: Mapping[str, Any] | None = None,
-    threads: int | None = None,
+    out: str | os.PathLike[str], config: str | os.PathLike[str] = "pile", *,
+    planner: Callable[[Look], Planned] | None = None, name: str | None = None, rounds: int | None = None,
+    seed: int | None = None, settings: Mapping[str, Any] | None = None, threads: int | None = None,
     progress: Progress | bool = False,
-) -> ExperimentResults:
+) -> ExperimentResults:  # fmt: skip
     """Clears tables in simulation and counts, or continues that: ``graspmill experiment run``, with its files.
 
     Args:
@@ -138,9 +116,6 @@ def experiment(
         progress: ``True`` for a progress bar (needs tqdm), or a function of the rounds that are done, all rounds, and the grasps
             that held; an exception that it raises stops the work.
 
-    Returns:
-        The results.
-
     Raises:
         InputError: If the config is wrong, or the folder holds another experiment.
         DataError: If its journal was damaged.
@@ -151,20 +126,15 @@ def experiment(
     **round** is over (``no_answer``, with the reason in ``journal.jsonl``), not the run. An :class:`OutsideError` ends
     the run: what is outside may work again. No grasps are an answer.
     """
-    if planner is not None and not callable(planner):
-        raise InputError(f"planner must be a function of a graspmill.Look, got {_arrays.shown(planner)}")
-    if name is not None and planner is None:
-        raise InputError("name goes with planner: our own has a name")
+    _arrays.must(planner is not None or name is None, "name goes with planner: our own has a name")
     if planner is not None:
+        _arrays.must(callable(planner), "planner must be a function of a graspmill.Look", planner)
         own = f"{getattr(planner, '__module__', '')}.{getattr(planner, '__qualname__', type(planner).__qualname__)}"
         name = own if name is None else _arrays.text("name", name)
     folder = Path(os.path.abspath(_arrays.path("out", out)))
     file = None if config == "pile" else os.path.abspath(_arrays.path("config", config))
-    pairs = setting_pairs(settings)
-    if rounds is not None:
-        pairs.append(("rounds", str(_arrays.whole("rounds", rounds, 1, 1_000_000))))
-    if seed is not None:
-        pairs.append(("seeds", f"[{_arrays.whole('seed', seed, 0, 2**63 - 1)}]"))
+    more = ({} if rounds is None else {"rounds": rounds}) | ({} if seed is None else {"seeds": [seed]})
+    pairs = setting_pairs(settings) + setting_pairs(more)
     count = (os.cpu_count() or 1) if threads is None else _arrays.whole("threads", threads, 1, 1024)
     command = f"graspmill.experiment({str(out)!r}, {str(config)!r}{f', planner={name}' if name else ''})"
 
@@ -199,28 +169,22 @@ class NoAnswer(Exception):
 def _answer(work: _native.Experiment, planner: Callable[[Look], Planned], look: Look) -> None:
     """Asks the function, and tells the round what it said."""
     try:
-        grasps = _offers(planner(look), look)
+        work.answer(_offers(planner(look), look))
     except OutsideError:
         raise
-    except NoAnswer as error:
-        work.fail(str(error))
     except Exception as error:  # whatever it is, it is the function's answer
         last = traceback.extract_tb(error.__traceback__)[-1]
-        work.fail(f"{type(error).__name__}: {error} ({os.path.basename(last.filename)}, line {last.lineno})")
-    else:
-        work.answer(grasps)
+        where = f"{type(error).__name__}: {error} ({os.path.basename(last.filename)}, line {last.lineno})"
+        work.fail(str(error) if isinstance(error, NoAnswer) else where)
 
 
 def _offers(planned: Any, look: Look) -> list[tuple[list[float], float, float | None, float | None]]:
     """Grasps, the best first: poses, scores, widths and ρ."""
     if isinstance(planned, Plan):
         return list(_of_plan(planned.answer["grasps"], look))
-    if not isinstance(planned, tuple) or len(planned) not in (2, 3):
-        raise InputError(f"what planner returns must be a Plan, or poses and scores, got {_arrays.shown(planned)}")
+    _arrays.must(isinstance(planned, tuple) and len(planned) in (2, 3), "what planner returns must be a Plan, or poses and scores", planned)
     poses = _arrays.poses("the poses that planner returns", planned[0])
     scores = _arrays.floats("the scores that planner returns", planned[1], (len(poses),))
-    if not np.isfinite(scores).all():
-        raise InputError("the scores that planner returns must be finite")
     known = _arrays.floats("the widths that planner returns", planned[2], (len(poses),)).tolist() if planned[2:] else [None] * len(poses)
     order = np.argsort(-scores, kind="stable")
     return [([float(part) for part in poses[number]], float(scores[number]), known[number], None) for number in order]
@@ -231,7 +195,6 @@ def _of_plan(rows: Iterable[dict[str, Any]], look: Look) -> Iterable[tuple[list[
     frame = "camera_from_grasp" if look.cameras[0].workspace_from_camera is None else "workspace_from_grasp"
     for row in rows:
         pose = row[frame]
-        if pose is None:
-            raise InputError("a plan must have the poses in the first camera's frame: plan from its image")
+        _arrays.must(pose is not None, "a plan must have the poses in the first camera's frame: plan from its image")
         width = row["opening_m"] if row["width_m"] is None else row["width_m"]
         yield [*pose["position_m"], *pose["quaternion_xyzw"]], row["quality"], width, row["rho_m"]

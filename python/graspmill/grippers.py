@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, fields
-from typing import Any, Union
+from typing import Union
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _arrays, _native
-from .errors import InputError
 
 #: What functions accept as a gripper.
 GripperLike = Union["Gripper", str, "os.PathLike[str]"]
@@ -19,10 +18,8 @@ GripperLike = Union["Gripper", str, "os.PathLike[str]"]
 
 @dataclass(frozen=True, eq=False)
 class Gripper:
-    """A parallel-jaw gripper, as boxes: two fingers and a palm (``docs/own-gripper.md``).
-
-    Lengths are along the axes of the grasp frame: z is the approach, y the closing direction. The fingers reach from
-    z = −``finger_length_m`` to z = 0.
+    """A parallel-jaw gripper, as boxes: two fingers and a palm (``docs/own-gripper.md``). Lengths are along the axes of the
+    grasp frame: z is the approach, y the closing direction. The fingers reach from z = −``finger_length_m`` to z = 0.
 
     Args:
         name: Name of the gripper.
@@ -64,8 +61,7 @@ class Gripper:
 
     def __post_init__(self) -> None:
         if self.flange_from_grasp is not None:
-            pose = _arrays.pose("flange_from_grasp", self.flange_from_grasp)
-            object.__setattr__(self, "flange_from_grasp", _arrays.matrices([pose])[0])
+            vars(self)["flange_from_grasp"] = _arrays.matrices([_arrays.pose("flange_from_grasp", self.flange_from_grasp)])[0]
         # The native half checks the limits.
         _native.Simulation(None, [("gripper", setting(self))])
 
@@ -83,14 +79,13 @@ class Gripper:
     def _of(cls, read: _native.Simulation) -> Gripper:
         flange = read.flange_from_grasp
         pose = None if flange is None else _arrays.matrices([flange])[0]
-        # The shortest decimals that are the same in single precision, as files have them.
-        numbers = {key: _shortest(value) for key, value in read.gripper}
-        tip = None if read.finger_tip is None else (_shortest(read.finger_tip[0]), _shortest(read.finger_tip[1]))
-        return cls(name=read.gripper_name, flange_from_grasp=pose, finger_tip=tip, **numbers)
+        tip = read.finger_tip and (_arrays.shortest(read.finger_tip[0]), _arrays.shortest(read.finger_tip[1]))
+        numbers = {key: _arrays.shortest(value) for key, value in read.gripper}
+        return cls(name=read.gripper_name, flange_from_grasp=pose, finger_tip=tip or None, **numbers)
 
 
-def _shortest(value: float) -> float:
-    return float(str(np.float32(value)))
+#: Numbers of a gripper.
+LENGTHS = tuple(one.name for one in fields(Gripper) if one.name not in ("name", "flange_from_grasp", "finger_tip"))
 
 
 def loaded(gripper: GripperLike) -> Gripper:
@@ -101,24 +96,21 @@ def loaded(gripper: GripperLike) -> Gripper:
 def setting(gripper: GripperLike) -> str:
     """A gripper as a value of a settings file, in TOML."""
     if not isinstance(gripper, Gripper):
-        try:
+        with _arrays.read_as("gripper must be a graspmill.Gripper, a name or a path", gripper):
             name = _arrays.path("gripper", gripper)
-        except InputError as error:
-            raise InputError(f"gripper must be a graspmill.Gripper, a name or a path, got {_arrays.shown(gripper)}") from error
         return json.dumps(os.path.abspath(name) if name.endswith(".toml") else name, ensure_ascii=False)
-    parts: dict[str, str] = {}
-    for field in fields(gripper):
-        value: Any = getattr(gripper, field.name)
-        if field.name == "name":
-            parts["name"] = json.dumps(_arrays.text("name", value), ensure_ascii=False)
-        elif field.name == "flange_from_grasp":
-            if value is not None:
-                *position, x, y, z, w = _arrays.pose(field.name, value)
-                parts[field.name] = f"{{ position_m = {position}, quaternion_xyzw = {[x, y, z, w]} }}"
-        elif field.name == "finger_tip":
-            if value is not None:
-                thickness, length = (_arrays.number(field.name, part, 0.0, 1e3) for part in value)
-                parts[field.name] = f"{{ thickness_m = {thickness!r}, length_m = {length!r} }}"
-        else:
-            parts[field.name] = repr(_arrays.number(field.name, value, 0.0, 1e3))
-    return "{ " + ", ".join(f"{key} = {value}" for key, value in parts.items()) + " }"
+    return f"{{ {', '.join(lines(gripper))} }}"
+
+
+def lines(gripper: Gripper, decimals: int | None = None) -> list[str]:
+    """The keys and values of a gripper's file, with so many decimals of the flange's pose."""
+    parts = [f"name = {json.dumps(_arrays.text('name', gripper.name), ensure_ascii=False)}"]
+    parts += [f"{key} = {_arrays.number(key, getattr(gripper, key), 0.0, 1e3)!r}" for key in LENGTHS]
+    if gripper.finger_tip is not None:
+        thickness, length = (_arrays.number("finger_tip", part, 0.0, 1e3) for part in gripper.finger_tip)
+        parts.append(f"finger_tip = {{ thickness_m = {thickness!r}, length_m = {length!r} }}")
+    if gripper.flange_from_grasp is not None:
+        pose = _arrays.pose("flange_from_grasp", gripper.flange_from_grasp)
+        *position, x, y, z, w = pose if decimals is None else (round(part, decimals) for part in pose)
+        parts.append(f"flange_from_grasp = {{ position_m = {position}, quaternion_xyzw = {[x, y, z, w]} }}")
+    return parts

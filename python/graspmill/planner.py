@@ -50,10 +50,9 @@ class PlanOptions(TypedDict, total=False):
             whether your arm reaches it. The plan raises what it raises.
         accept_batch: The same for many grasps at once: a function of ``[N, 4, 4]`` that returns ``[N]`` bool, in place of ``accept``.
 
-    Both are called on the thread that plans, ``accept`` for one grasp at a time. With a judge they are called for every
-    candidate before the judge is asked: until 256 are accepted or ten calls of ``accept_batch`` found no more, each about
-    a few hundred, and again up to three times if few are good. With the other networks they are called for the grasps
-    that these found. Ctrl-C ends such a plan at once, and another when it is made.
+    Both are called on the thread that plans. With a judge they are called for every candidate before the judge is asked: until 256
+    are accepted or ten calls of ``accept_batch`` found no more, and again up to three times if few are good. With the other
+    networks they are called for the grasps that these found. Ctrl-C ends such a plan at once, and another when it is made.
     """
 
     workspace_size_m: float | None
@@ -90,8 +89,7 @@ def _request(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
         if function is not None and not callable(function):
             what = "poses" if name == "accept_batch" else "a pose"
             raise InputError(f"{name} must be a function of {what}, got {_arrays.shown(function)}")
-    if None not in functions.values():
-        raise InputError("accept and accept_batch must not both be given")
+    _arrays.must(None in functions.values(), "accept and accept_batch must not both be given")
     text = json.dumps({name: _encoded(name, value) for name, value in given.items()})
     return {"options": text, "finds_table": finds_table, "is_asked": any(one is not None for one in functions.values()), **functions}
 
@@ -158,9 +156,8 @@ class Planner(Immutable):
         threads: int | None = None,
     ) -> None:
         simulation = None if gripper is None else _simulation(gripper, None)
-        count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
         weights = None if model is None else _arrays.path("model", model)
-        self._native = _native.Planner(_arrays.path("config", config), weights, simulation, count)
+        self._native = _native.Planner(_arrays.path("config", config), weights, simulation, _arrays.threads(threads))
         self._again = partial(
             type(self),
             _anywhere(config),
@@ -199,7 +196,7 @@ class Planner(Immutable):
         mask: Sequence[ArrayLike | None] | ArrayLike | None = None,
         **options: Unpack[PlanOptions],
     ) -> Plan:
-        """Plans from depth images.
+        """Plans from depth images, with :class:`PlanOptions`.
 
         Args:
             depths: One image or several, ``[height, width]`` float, in metres along the camera's z; 0 or NaN where
@@ -207,7 +204,6 @@ class Planner(Immutable):
             cameras: The camera of each image. If the first has no pose, the table is found, the workspace put on it, and the
                 poses of the others are in the first one's frame.
             mask: For each image a mask of the target, ``[height, width]`` bool or uint8, or ``None``.
-            **options: See :class:`PlanOptions`.
         """
         if isinstance(cameras, Camera):
             cameras, depths = [cameras], [depths]  # type: ignore[assignment]
@@ -216,8 +212,7 @@ class Planner(Immutable):
         intrinsics, finds_table = [camera._intrinsics() for camera in given], given[0].workspace_from_camera is None
         poses = [_HERE if finds_table and not number else camera._pose() for number, camera in enumerate(given)]
         masks = None if mask is None else _masks(_arrays.listed("mask", mask), images)
-        if masks is not None and options.get("target_m") is not None:
-            raise InputError("mask and target_m must not both be given")
+        _arrays.must(masks is None or options.get("target_m") is None, "mask and target_m must not both be given")
         return _planned(self._native.plan_views, images, intrinsics, poses, masks, _request(options, finds_table))
 
     @_with_options
@@ -230,7 +225,7 @@ class Planner(Immutable):
         workspace_from_cloud: ArrayLike | Literal["table"] | None = None,
         **options: Unpack[PlanOptions],
     ) -> Plan:
-        """Plans from a point cloud.
+        """Plans from a point cloud, with :class:`PlanOptions`.
 
         Args:
             points_m: ``[N, 3]`` in metres; points outside the workspace are dropped.
@@ -240,20 +235,16 @@ class Planner(Immutable):
                 frame than the workspace, its origin.
             workspace_from_cloud: The cloud's frame in the workspace, ``[4, 4]``, ``[7]`` or ``[3]``; by default the same. Or
                 ``"table"``: the cloud is in its camera's optical frame, the table is found, and the workspace put on it.
-            **options: See :class:`PlanOptions`.
         """
         points = _arrays.floats("points_m", points_m, (None, 3), " (x, y, z)")
         eyes = np.empty((0, 3), np.float32) if eyes_m is None else _arrays.floats("eyes_m", eyes_m, (None, 3))
-        if len(eyes) > 32:
-            raise InputError(f"eyes_m must be at most 32, got {len(eyes)}")
+        _arrays.must(len(eyes) <= 32, f"eyes_m must be at most 32, got {len(eyes)}")
         thing = np.empty((0, 3), np.float32)
         if object_m is not None:
-            if options.get("target_m") is not None:
-                raise InputError("object_m and target_m must not both be given")
+            _arrays.must(options.get("target_m") is None, "object_m and target_m must not both be given")
             thing = _arrays.floats("object_m", object_m, (None, 3), " (x, y, z)")
             thing = thing[np.isfinite(thing).all(axis=1)]
-            if not len(thing):
-                raise InputError("object_m must have a finite point, got none")
+            _arrays.must(len(thing), "object_m must have a finite point, got none")
         finds_table = isinstance(workspace_from_cloud, str) and workspace_from_cloud == "table"
         if workspace_from_cloud is not None and not finds_table:
             pose = _arrays.matrices([_arrays.pose("workspace_from_cloud", workspace_from_cloud)])[0]
@@ -264,13 +255,8 @@ class Planner(Immutable):
 
     @_with_options
     def plan_tsdf(self, tsdf: ArrayLike, **options: Unpack[PlanOptions]) -> Plan:
-        """Plans from a TSDF.
-
-        Args:
-            tsdf: ``[40, 40, 40]`` (x, y, z) in VGN's values, 0 to 1: (tsdf + 1) / 2 where observed, else 0. A workspace
-                of another size has as many voxels of 7.5 mm as fit its side.
-            **options: See :class:`PlanOptions`.
-        """
+        """Plans from a TSDF, with :class:`PlanOptions`: ``[40, 40, 40]`` (x, y, z) in VGN's values, 0 to 1: (tsdf + 1) / 2 where
+        observed, else 0. A workspace of another size has as many voxels of 7.5 mm as fit its side."""
         request = _request(options)
         side = self._native.grid(request)[1]
         values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
@@ -296,10 +282,8 @@ def _encoded(name: str, value: Any) -> Any:
     if name == "avoid":
         return [_parts(pose) for pose in _arrays.poses(name, value).tolist()]
     if name == "approach":
-        try:
+        with _arrays.read_as("approach must be a direction and an angle in radians, such as ((0, 0, -1), 0.5)", value):
             direction, angle = value
-        except (TypeError, ValueError) as error:
-            raise InputError("approach must be a direction and an angle in radians, such as ((0, 0, -1), 0.5)") from error
         vector = _arrays.floats("approach direction", direction, (3,)).tolist()
         return {"direction": vector, "angle_rad_max": _arrays.number("approach angle", angle, -math.inf, math.inf)}
     if name in _SHAPES:
@@ -322,8 +306,7 @@ def _parts(pose: list[float]) -> dict[str, list[float]]:
 
 def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[np.bool_] | None]:
     """Masks that fit their images."""
-    if len(masks) != len(images):
-        raise InputError(f"there must be as many masks as depth images, {len(images)}, got {len(masks)}")
+    _arrays.must(len(masks) == len(images), f"there must be as many masks as depth images, {len(images)}, got {len(masks)}")
     fitting: list[NDArray[np.bool_] | None] = []
     for number, (mask, image) in enumerate(zip(masks, images)):
         if mask is None:
@@ -331,10 +314,8 @@ def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[
             continue
         array = _arrays.given(f"mask {number}", mask)
         if array.dtype.kind not in "bu" or array.shape != image.shape:
-            raise InputError(
-                f"mask {number} must be bool or uint8 of its image's shape, {list(image.shape)}, got {array.dtype} {list(array.shape)}"
-            )
+            rule = f"bool or uint8 of its image's shape, {list(image.shape)}"
+            raise InputError(f"mask {number} must be {rule}, got {array.dtype} {list(array.shape)}")
         fitting.append(np.ascontiguousarray(array != 0))
-    if not any(mask is not None for mask in fitting):
-        raise InputError("at least one image must have a mask, got none")
+    _arrays.must(any(mask is not None for mask in fitting), "at least one image must have a mask, got none")
     return fitting

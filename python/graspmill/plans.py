@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Mapping, Sequence, TypedDict, overload
+from typing import TYPE_CHECKING, Any, Literal, Mapping, Sequence, TypedDict, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,10 +59,9 @@ class Grasp:
     """A ranked grasp.
 
     Attributes:
-        workspace_from_grasp: ``[4, 4]``; +z is the approach, +y the closing direction, the origin midway between the
-            finger tips.
-        width_m: Distance between the fingers' inner faces when holding, measured on what was seen between them, or the answer
-            of a network of voxels; ``None`` where an end of it was not seen.
+        workspace_from_grasp: ``[4, 4]``; +z is the approach, +y the closing direction, the origin midway between the finger tips.
+        width_m: Distance between the fingers' inner faces when holding, as seen between them or as a network of voxels answers;
+            ``None`` where an end of it was not seen.
         opening_m: How far to open the gripper: for what is between the fingers and some room, or all the way.
         quality: A judge's probability that the grasp holds, or the network's smoothed quality; 0 to 1.
         object: Index into the plan's objects, or ``None``.
@@ -87,11 +86,6 @@ class Grasp:
     workspace_from_flange: NDArray[np.float64] | None = None
     base_from_flange: NDArray[np.float64] | None = None
 
-    @property
-    def score(self) -> float:
-        """``quality`` under the name that GraspNet and GPD give it."""
-        return self.quality
-
 
 class Plan(Immutable, Sequence[Grasp]):
     """Ranked grasps, best first; a sequence of :class:`Grasp`. If it is empty, ``reason`` says why."""
@@ -109,14 +103,19 @@ class Plan(Immutable, Sequence[Grasp]):
         made._cloud = native.cloud().reshape(-1, 3)
         return made
 
+    @property
+    def _source(self) -> _native.Plan:
+        if self._drawn is None:
+            raise InputError("the plan was pickled or read, and so has no page and no picture: make them in the process that made it")
+        return self._drawn
+
     def __getstate__(self) -> dict[str, Any]:
         return {name: vars(self)[name] for name in ("_text", "_timings_ms", "_cloud")}
 
     @cached_property
     def answer(self) -> dict[str, Any]:
         """The whole plan, as the JSON of the command and the service has it (``docs/planning.md``)."""
-        answer: dict[str, Any] = json.loads(self._text)
-        return answer
+        return cast("dict[str, Any]", json.loads(self._text))
 
     @classmethod
     def from_json(cls, text: str | bytes) -> Plan:
@@ -125,13 +124,10 @@ class Plan(Immutable, Sequence[Grasp]):
         Raises:
             InputError: If the text is not the JSON of a plan.
         """
-        try:
+        with _arrays.read_as("text must be the JSON of a plan", text):
             answer = json.loads(text)
-        except (ValueError, TypeError, RecursionError) as error:
-            raise InputError(f"text must be the JSON of a plan, got {error}") from error
-        if not isinstance(answer, dict) or answer.get("format") != FORMAT:
-            told = answer.get("format") if isinstance(answer, dict) else answer
-            raise InputError(f"format must be {FORMAT}, got {_arrays.shown(told)}")
+        told = answer.get("format") if isinstance(answer, dict) else answer
+        _arrays.must(told == FORMAT and isinstance(answer, dict), f"format must be {FORMAT}", told)
         made = cls.__new__(cls)
         made._text, made._timings_ms = text if isinstance(text, str) else text.decode(), {}
         made._cloud = np.empty((0, 3), np.float32)
@@ -140,8 +136,7 @@ class Plan(Immutable, Sequence[Grasp]):
             is_whole = bool(np.isfinite(poses).all() and np.isfinite(scored).all() and answer["gripper"])
         except (LookupError, TypeError, ValueError) as error:
             raise InputError(f"text must be the JSON of a plan, got a grasp without {error}") from error
-        if not is_whole:
-            raise InputError("text must be the JSON of a plan, got poses or qualities that are not finite")
+        _arrays.must(is_whole, "text must be the JSON of a plan, got poses or qualities that are not finite")
         return made
 
     def to_json(self) -> str:
@@ -151,20 +146,11 @@ class Plan(Immutable, Sequence[Grasp]):
     @cached_property
     def grasps(self) -> list[Grasp]:
         """The grasps, best first."""
-        frames = ("camera_from_grasp", "base_from_grasp", "workspace_from_flange", "base_from_flange")
-        return [
-            Grasp(
-                _matrix(row["workspace_from_grasp"]),
-                row["width_m"],
-                row["opening_m"],
-                row["quality"],
-                row["object"],
-                width_seen_share=row["width_seen_share"],
-                robustness=row["robustness"],
-                **{name: None if row[name] is None else _matrix(row[name]) for name in frames},
-            )
-            for row in self.answer["grasps"]
-        ]
+
+        def value(row: dict[str, Any], name: str) -> Any:
+            return _matrix(row[name]) if "_from_" in name and row[name] is not None else row[name]
+
+        return [Grasp(**{one.name: value(row, one.name) for one in fields(Grasp)}) for row in self.answer["grasps"]]
 
     def __len__(self) -> int:
         return len(self.answer["grasps"])
@@ -187,21 +173,14 @@ class Plan(Immutable, Sequence[Grasp]):
         return np.array([grasp.quality for grasp in self.grasps])
 
     @property
-    def scores(self) -> NDArray[np.float64]:
-        """``qualities`` under the name that GraspNet and GPD give them."""
-        return self.qualities
-
-    @property
     def reason(self) -> str | None:
         """Why there are no grasps; ``None`` if there are."""
-        reason: str | None = self.answer["reason"]
-        return reason
+        return cast("str | None", self.answer["reason"])
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings."""
-        warnings: list[str] = self.answer["warnings"]
-        return warnings
+        """What else is to be known."""
+        return cast("list[str]", self.answer["warnings"])
 
     @property
     def timings_ms(self) -> dict[str, float]:
@@ -220,14 +199,12 @@ class Plan(Immutable, Sequence[Grasp]):
         Args:
             image: ``[height, width, 3]`` uint8, in the colours red, green, blue; by default the depth image in grey.
         """
-        if self._drawn is None:
-            raise InputError("the plan was pickled or read, and so has no picture: draw it in the process that made it")
         if image is None:
-            return self._drawn.overlay(None)
+            return self._source.overlay(None)
         pixels = _arrays.given("image", image)
-        if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] < 3 or 0 in pixels.shape:
-            raise InputError(f"image must be uint8 [height, width, 3], got {pixels.dtype} {list(pixels.shape)}")
-        return self._drawn.overlay(np.ascontiguousarray(pixels[:, :, :3]))
+        is_image = pixels.dtype == np.uint8 and pixels.ndim == 3 and pixels.shape[2] >= 3 and 0 not in pixels.shape
+        _arrays.must(is_image, f"image must be uint8 [height, width, 3], got {_arrays.kind(pixels)}")
+        return self._source.overlay(np.ascontiguousarray(pixels[:, :, :3]))
 
     def cloud(self) -> NDArray[np.float32]:
         """The observed surface, ``[N, 3]`` in the workspace, in metres."""
@@ -241,23 +218,16 @@ class Plan(Immutable, Sequence[Grasp]):
 
     def page(self, title: str = "") -> Page:
         """The scene and its grasps as a page, to be turned about. A plan that was pickled cannot be shown."""
-        if self._drawn is None:
-            raise InputError("the plan was pickled or read, and so has no page: make it in the process that made the plan")
-        return Page(self._drawn.page(_arrays.text("title", title)))
+        return Page(self._source.page(_arrays.text("title", title)))
 
-    def save(
-        self, path: str | os.PathLike[str], format: PlanFileFormat | None = None, **options: Unpack[PlanFileOptions]
-    ) -> Path:
-        """Writes the grasps to a file for robots. An existing file stays until it is replaced by the whole one.
+    def save(self, path: str | os.PathLike[str], format: PlanFileFormat | None = None, **options: Unpack[PlanFileOptions]) -> Path:
+        """Writes the grasps to a file for robots, with :class:`PlanFileOptions`, and returns its path. An existing file stays
+        until it is replaced by the whole one.
 
         Args:
             path: The file.
             format: ``"isaac_grasp"`` (by default for .yaml), ``"graspnet"`` (.npy), or ``"moveit"`` (needs PyYAML): the
                 messages of :meth:`moveit_grasps` in a list ``grasps``. ``docs/exporting.md`` has the frames.
-            **options: See :class:`PlanFileOptions`.
-
-        Returns:
-            The path.
 
         Raises:
             InputError: If the plan does not know the frame, or where the base of the hand is.
@@ -268,11 +238,8 @@ class Plan(Immutable, Sequence[Grasp]):
         return plans.save(self, path, format, options)
 
     def moveit_grasps(self, **options: Unpack[PlanFileOptions]) -> list[dict[str, Any]]:
-        """The grasps with the fields of ``moveit_msgs/Grasp``, best first. What is not known is left out: the posture of a
-        hand whose joints are not known, and that of closed fingers where the width was not seen.
-
-        Args:
-            **options: See :class:`PlanFileOptions`.
+        """The grasps with the fields of ``moveit_msgs/Grasp``, best first, with :class:`PlanFileOptions`. What is not known is left
+        out: the posture of a hand whose joints are not known, and that of closed fingers where the width was not seen.
 
         Raises:
             InputError: If the plan does not know the frame, or where the robot's last link is.
@@ -285,11 +252,8 @@ class Plan(Immutable, Sequence[Grasp]):
         return None if self._drawn is None else self.page()._repr_html_()
 
     def __repr__(self) -> str:
-        if not len(self):
-            return f"Plan(no grasps: {self.reason})"
-        return f"Plan({len(self)} grasps, the best {self.grasps[0].quality:.3f})"
+        return f"Plan({len(self)} grasps, the best {self.grasps[0].quality:.3f})" if len(self) else f"Plan(no grasps: {self.reason})"
 
 
 def _matrix(pose: dict[str, list[float]]) -> NDArray[np.float64]:
-    matrix: NDArray[np.float64] = _arrays.matrices([[*pose["position_m"], *pose["quaternion_xyzw"]]])[0]
-    return matrix
+    return np.asarray(_arrays.matrices([[*pose["position_m"], *pose["quaternion_xyzw"]]])[0])

@@ -46,13 +46,9 @@ class Immutable:
 
 @dataclass(frozen=True, eq=False, init=False)
 class Object(Immutable):
-    """An object: a shape with mass and friction, at a pose.
-
-    Make one with :meth:`cuboid`, :meth:`solid` or :meth:`mesh`.
+    """An object: a shape with mass and friction, at a pose. Make one with :meth:`cuboid`, :meth:`solid` or :meth:`mesh`.
 
     Attributes:
-        name: The shape's name, or the mesh's.
-        extents_m: Full lengths of the bounding box along the object's axes, ``[3]``.
         mass_kg: Mass.
         friction: Coulomb coefficient; a contact multiplies it by that of the gripper or the table.
         workspace_from_object: Its pose, ``[4, 4]``. The origin of its frame is the centre of its bounding box.
@@ -76,8 +72,7 @@ class Object(Immutable):
 
     @classmethod
     def _of(cls, body: _native.Body, pose: ArrayLike, mass_kg: float | None, friction: float) -> Object:
-        size_m = max(body.extents_m)
-        if not 1e-3 <= size_m <= EXTENT_M_MAX:
+        if not 1e-3 <= (size_m := max(body.extents_m)) <= EXTENT_M_MAX:
             raise InputError(f"the object must be 0.001 to {EXTENT_M_MAX:g} m long, got {size_m:g}: are its lengths in metres?")
         # What is thin is light, but not weightless.
         mass = max(DENSITY_KG_M3 * body.volume_m3, 1e-6) if mass_kg is None else mass_kg
@@ -92,9 +87,7 @@ class Object(Immutable):
         return made
 
     @classmethod
-    def solid(
-        cls, shape: str, extents_m: ArrayLike, pose: ArrayLike, *, mass_kg: float | None = None, friction: float = 1.0
-    ) -> Object:
+    def solid(cls, shape: str, extents_m: ArrayLike, pose: ArrayLike, *, mass_kg: float | None = None, friction: float = 1.0) -> Object:
         """A primitive shape: ``cuboid``, ``cylinder``, ``tri_prism`` or ``half_cylinder``.
 
         Args:
@@ -114,49 +107,30 @@ class Object(Immutable):
 
     @classmethod
     def mesh(
-        cls,
-        mesh: Any,
-        pose: ArrayLike,
-        *,
-        name: str = "mesh",
-        mass_kg: float | None = None,
-        friction: float = 1.0,
-        parts_max: int = 1024,
-        corners_max: int = 32,
-        tolerance_m: float = 0.0008,
-    ) -> Object:
-        """A triangle mesh, decomposed into convex parts.
+        cls, mesh: Any, pose: ArrayLike, *, name: str = "mesh", mass_kg: float | None = None, friction: float = 1.0,
+        parts_max: int = 1024, corners_max: int = 32, tolerance_m: float = 0.0008,
+    ) -> Object:  # fmt: skip
+        """A triangle mesh, decomposed into convex parts. Mass and friction are those of :meth:`solid`.
 
         Args:
             mesh: ``(vertices, faces)`` of shapes ``[V, 3]`` (metres) and ``[F, 3]``, or an object that has them, such
                 as a ``trimesh.Trimesh``.
             pose: ``workspace_from_mesh``: the pose of the mesh's own frame.
             name: Its name in messages.
-            mass_kg: See :meth:`solid`.
-            friction: Coulomb coefficient.
             parts_max: The largest number of convex parts, 1 to 1024.
             corners_max: The largest number of corners of a part, 8 to 256.
             tolerance_m: The mesh is cut into more parts until they leave its surface by no more than this, in metres.
         """
-        vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else _two(mesh)
+        with _arrays.read_as("mesh must be (vertices, faces), or have these attributes", type(mesh)):
+            vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else mesh
         corners = _arrays.floats("mesh vertices", vertices, (None, 3))
         if len(corners) and (size_m := float(np.ptp(corners, axis=0).max())) > EXTENT_M_MAX:
             raise InputError(f"mesh vertices must be within {EXTENT_M_MAX:g} m of each other, got {size_m:g}: are they in metres?")
-        triangles = _arrays.given("mesh faces", faces)
-        if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
-            raise InputError(f"mesh faces must be whole numbers of shape [F, 3], got {triangles.dtype} {list(triangles.shape)}")
-        if triangles.size and not 0 <= triangles.min() <= triangles.max() < max(len(corners), 1):
-            raise InputError(f"mesh faces must be from 0 to below the number of vertices, {len(corners)}")
-        if not len(triangles):
-            raise InputError("mesh faces must not be empty")
-        body = _native.Body.mesh(
-            _arrays.text("name", name) or "mesh",
-            corners,
-            np.ascontiguousarray(triangles, dtype=np.uint32),
-            _arrays.whole("parts_max", parts_max, 1, 1024),
-            _arrays.whole("corners_max", corners_max, 8, 256),
-            _arrays.number("tolerance_m", tolerance_m, 0.000_05, 0.01),
-        )
+        triangles = _arrays.numbered("mesh faces", faces, (None, 3), len(corners), "vertices")
+        _arrays.must(len(triangles), "mesh faces must not be empty")
+        limits = _arrays.whole("parts_max", parts_max, 1, 1024), _arrays.whole("corners_max", corners_max, 8, 256)
+        tolerance_m = _arrays.number("tolerance_m", tolerance_m, 0.000_05, 0.01)
+        body = _native.Body.mesh(_arrays.text("name", name) or "mesh", corners, triangles, *limits, tolerance_m)
         workspace_from_mesh = _arrays.matrices([_arrays.pose("pose", pose)])[0]
         centre = np.eye(4)
         centre[:3, 3] = body.centre_m
@@ -165,14 +139,6 @@ class Object(Immutable):
     def parts(self) -> list[NDArray[np.float32]]:
         """The corners of each convex part, ``[N, 3]`` in the object's frame, in metres, as physics uses them."""
         return self._body.parts()
-
-
-def _two(mesh: Any) -> tuple[Any, Any]:
-    try:
-        vertices, faces = mesh
-    except (TypeError, ValueError) as error:
-        raise InputError("mesh must be (vertices, faces), or have these attributes") from error
-    return vertices, faces
 
 
 @dataclass(frozen=True)
@@ -197,9 +163,8 @@ class Container(Immutable):
 
     @classmethod
     def _of(cls, plain: tuple[str, Sequence[float], float]) -> Container:
-        # The shortest numbers that are these in single precision: 0.2, not 0.20000000298.
-        x_m, y_m, height_m, thickness_m, slope_rad, size_m = (float(str(np.float32(part))) for part in (*plain[1], plain[2]))
-        return cls(plain[0], (x_m, y_m), height_m, thickness_m, slope_rad, size_m)
+        x_m, y_m, *others = map(_arrays.shortest, (*plain[1], plain[2]))
+        return cls(plain[0], (x_m, y_m), *others)
 
     def _plain(self) -> tuple[str, list[float], float]:
         lengths = [*_arrays.floats("inner_m", self.inner_m, (2,)), self.height_m, self.thickness_m, self.slope_rad]
@@ -217,21 +182,13 @@ class Scene(Immutable):
     """
 
     def __init__(self, objects: Iterable[Object], *, table_z_m: float = 0.05, container: Container | None = None) -> None:
-        if not (container is None or isinstance(container, Container)):
-            raise InputError(f"container must be a graspmill.Container, got {_arrays.shown(container)}")
+        _arrays.must(container is None or isinstance(container, Container), "container must be a graspmill.Container", container)
         given = _arrays.listed("objects", objects)
         for number, one in enumerate(given):
-            if not isinstance(one, Object):
-                raise InputError(f"objects must be graspmill.Object, got {_arrays.shown(one)} as number {number}")
-        poses = np.array([one._pose for one in given], dtype=np.float32).reshape(len(given), 7)
-        self._native = _native.Scene(
-            [one._body for one in given],
-            [one.mass_kg for one in given],
-            [one.friction for one in given],
-            poses,
-            _arrays.number("table_z_m", table_z_m, -1.0, 1.0),
-            None if container is None else container._plain(),
-        )
+            _arrays.must(isinstance(one, Object), f"objects must be graspmill.Object; number {number} is not", one)
+        bodies, masses, frictions, rows = ([getattr(one, name) for one in given] for name in ("_body", "mass_kg", "friction", "_pose"))
+        poses, height_m = np.array(rows, np.float32).reshape(len(given), 7), _arrays.number("table_z_m", table_z_m, -1.0, 1.0)
+        self._native = _native.Scene(bodies, masses, frictions, poses, height_m, None if container is None else container._plain())
         self._simulation: _native.Simulation | None = None
         #: The scene of a dataset that it is, or was before it settled again.
         self._stored: tuple[_native.Dataset, int] | None = None
@@ -265,19 +222,16 @@ class Scene(Immutable):
         return len(self._native)
 
     def __repr__(self) -> str:
-        names = ", ".join(one.name for one in self.objects)
-        return f"Scene([{names}])"
+        return f"Scene([{', '.join(one.name for one in self.objects)}])"
 
     @property
     def objects(self) -> list[Object]:
         """The objects, with their poses."""
-        poses = self._native.poses()
         rows = []
-        for number, pose in enumerate(poses):
+        for number, pose in enumerate(self._native.poses().tolist()):
             found = self._native.object(number)
             assert found is not None
-            body, mass_kg, friction = found
-            rows.append(Object._wrap(body, mass_kg, friction, tuple(float(part) for part in pose)))
+            rows.append(Object._wrap(*found, tuple(pose)))
         return rows
 
     @property
@@ -292,9 +246,8 @@ class Scene(Immutable):
         return None if plain is None else Container._of(plain)
 
     def settle(self, *, drop: bool = False, settings: Mapping[str, Any] | None = None) -> Scene:
-        """The scene at rest, after simulation. Objects that leave the workspace are removed.
-
-        Objects must not overlap at the start; those that do may stay interpenetrating.
+        """The scene at rest, after simulation. Objects that leave the workspace are removed; those that overlap at the start may
+        stay interpenetrating.
 
         Args:
             drop: Whether the objects fall one after the other into a box around the workspace, as in generated piles.
@@ -315,8 +268,7 @@ class Scene(Immutable):
 
     def render(self, camera: Camera) -> NDArray[np.float32]:
         """The depth image of a camera, ``[height, width]``, in metres along its z; 0 where it sees nothing."""
-        if not isinstance(camera, Camera):
-            raise InputError(f"camera must be a graspmill.Camera, got {_arrays.shown(camera)}")
+        _arrays.must(isinstance(camera, Camera), "camera must be a graspmill.Camera", camera)
         return self._native.render(camera._intrinsics(), camera._pose())
 
     def tsdf(self, cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30) -> NDArray[np.float32]:
@@ -331,7 +283,7 @@ class Scene(Immutable):
 def tsdf(
     depths: Sequence[ArrayLike], cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30, truncation_voxels: float = 4.0
 ) -> NDArray[np.float32]:
-    """Fuses depth images into a TSDF in VGN's values.
+    """Fuses depth images into a TSDF in VGN's values, ``[resolution] * 3`` (x, y, z), float32.
 
     Args:
         depths: Images, ``[height, width]`` each, in metres; 0 or NaN where nothing was seen.
@@ -339,43 +291,28 @@ def tsdf(
         resolution: Voxels along a side, 2 to 256.
         size_m: Side of the workspace in metres.
         truncation_voxels: Truncation in voxels.
-
-    Returns:
-        ``[resolution] * 3`` (x, y, z), float32.
     """
     images, cameras = _images(depths, cameras)
-    side = _arrays.whole("resolution", resolution, 2, 256)
-    values = _native.fuse(
-        images,
-        [camera._intrinsics() for camera in cameras],
-        [camera._pose() for camera in cameras],
-        side,
-        _arrays.number("size_m", size_m, 0.01, 10.0),
-        _arrays.number("truncation_voxels", truncation_voxels, 0.5, 64.0),
-    )
-    return values.reshape(side, side, side)
+    lenses, poses = [camera._intrinsics() for camera in cameras], [camera._pose() for camera in cameras]
+    side, size_m = _arrays.whole("resolution", resolution, 2, 256), _arrays.number("size_m", size_m, 0.01, 10.0)
+    truncation_voxels = _arrays.number("truncation_voxels", truncation_voxels, 0.5, 64.0)
+    return _native.fuse(images, lenses, poses, side, size_m, truncation_voxels).reshape(side, side, side)
 
 
 def _images(depths: Sequence[ArrayLike], cameras: Sequence[Camera]) -> tuple[list[NDArray[np.float32]], list[Camera]]:
     """Depth images that fit their cameras; what is not finite and positive becomes 0."""
     depths, cameras = _arrays.listed("depth images", depths), _arrays.listed("cameras", cameras)
-    if len(depths) != len(cameras):
-        raise InputError(f"there must be as many cameras as depth images, {len(depths)}, got {len(cameras)}")
-    if not 1 <= len(cameras) <= 32:
-        raise InputError(f"there must be 1 to 32 depth images, got {len(cameras)}")
+    _arrays.must(len(depths) == len(cameras), f"there must be as many cameras as depth images, {len(depths)}, got {len(cameras)}")
+    _arrays.must(1 <= len(cameras) <= 32, f"there must be 1 to 32 depth images, got {len(cameras)}")
     images = []
     for number, (depth, camera) in enumerate(zip(depths, cameras)):
-        if not isinstance(camera, Camera):
-            raise InputError(f"camera {number} must be a graspmill.Camera, got {_arrays.shown(camera)}")
+        _arrays.must(isinstance(camera, Camera), f"camera {number} must be a graspmill.Camera", camera)
         array = _arrays.given(f"depth image {number}", depth)
         if array.dtype.kind != "f":
             hint = "; divide a 16-bit image in millimetres by 1000" if array.dtype.kind in "iu" else ""
             raise InputError(f"depth image {number} must have a float dtype, in metres, got {array.dtype}{hint}")
-        if array.shape != (camera.height_px, camera.width_px):
-            raise InputError(
-                f"depth image {number} must have its camera's shape [height, width], {[camera.height_px, camera.width_px]}, "
-                f"got {list(array.shape)}"
-            )
+        if list(array.shape) != (shape := [camera.height_px, camera.width_px]):
+            raise InputError(f"depth image {number} must have its camera's shape [height, width], {shape}, got {list(array.shape)}")
         with np.errstate(invalid="ignore", over="ignore"):
             single = array.astype(np.float32)
             images.append(np.ascontiguousarray(np.where(np.isfinite(single) & (single > 0.0), single, np.float32(0.0))))
@@ -419,15 +356,10 @@ class Outcomes:
 
 
 def execute(
-    scene: Scene,
-    grasps: ArrayLike,
-    *,
-    gripper: GripperLike | None = None,
-    targets: ArrayLike | None = None,
-    settings: Mapping[str, Any] | None = None,
-    threads: int | None = None,
-) -> Outcomes:
-    """Executes grasps in physics, each in a fresh copy of the scene: the label oracle.
+    scene: Scene, grasps: ArrayLike, *, gripper: GripperLike | None = None, targets: ArrayLike | None = None,
+    settings: Mapping[str, Any] | None = None, threads: int | None = None,
+) -> Outcomes:  # fmt: skip
+    """Executes grasps in physics, each in a fresh copy of the scene: the label oracle. Gives the outcomes in the grasps' order.
 
     The open gripper appears 50 mm behind the grasp, approaches in a straight line, closes, retreats and holds;
     ``docs/label.md`` is the contract. The same arguments give the same bits on any number of threads.
@@ -442,27 +374,14 @@ def execute(
             a stored scene, else the paper's.
         threads: Number of threads, by default one per core; 1 is the caller's own thread.
 
-    Returns:
-        The outcomes, in the order of the grasps.
-
     Raises:
         InputError: If an argument is wrong; the message names it.
     """
-    if not isinstance(scene, Scene):
-        raise InputError(f"scene must be a graspmill.Scene, got {_arrays.shown(scene)}")
+    _arrays.must(isinstance(scene, Scene), "scene must be a graspmill.Scene", scene)
     rows = _arrays.poses("grasps", grasps)
     simulation = scene._simulation_with(gripper, settings)
-    chosen = None
-    if targets is not None:
-        given = _arrays.given("targets", targets)
-        given = given.astype(np.uint32) if given.shape == (0,) else given
-        if given.shape != (len(rows),) or given.dtype.kind not in "iu":
-            raise InputError(f"targets must be whole numbers of shape [{len(rows)}], got {given.dtype} {list(given.shape)}")
-        if given.size and not 0 <= given.min() <= given.max() < len(scene):
-            raise InputError(f"targets must be from 0 to below the number of objects, {len(scene)}, got {given.min()} to {given.max()}")
-        chosen = np.ascontiguousarray(given, dtype=np.uint32)
-    count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
-    return Outcomes(*_native.execute(scene._native, rows, chosen, simulation, count))
+    chosen = None if targets is None else _arrays.numbered("targets", targets, (len(rows),), len(scene), "objects")
+    return Outcomes(*_native.execute(scene._native, rows, chosen, simulation, _arrays.threads(threads)))
 
 
 def _simulation(gripper: GripperLike | None, settings: Mapping[str, Any] | None) -> _native.Simulation:
@@ -470,29 +389,21 @@ def _simulation(gripper: GripperLike | None, settings: Mapping[str, Any] | None)
 
 
 def _pairs(gripper: GripperLike | None, settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    pairs = setting_pairs(settings)
-    if gripper is not None:
-        pairs.append(("gripper", grippers.setting(gripper)))
-    return pairs
+    return setting_pairs(settings) + ([] if gripper is None else [("gripper", grippers.setting(gripper))])
 
 
 def setting_pairs(settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     """Settings as ``--set`` of the programs takes them: keys, and values in TOML."""
     pairs = []
-    if settings is not None and not isinstance(settings, Mapping):
-        raise InputError(f"settings must be a dict, got {_arrays.shown(settings)}; {_SETTINGS_HELP}")
+    _arrays.must(settings is None or isinstance(settings, Mapping), f"settings must be a dict ({_SETTINGS_HELP})", settings)
     for key, value in (settings or {}).items():
-        if not isinstance(key, str):
-            raise InputError(f"settings must have strings as keys, got {_arrays.shown(key)}; {_SETTINGS_HELP}")
+        _arrays.must(isinstance(key, str), f"settings must have strings as keys ({_SETTINGS_HELP})", key)
         if isinstance(value, np.generic):
             value = value.item()
         if isinstance(value, grippers.Gripper):
             pairs.append((key, grippers.setting(value)))
             continue
-        try:
+        with _arrays.read_as(f"settings[{key!r}] must be a number, a string, a bool or a list of them", value):
             toml = json.dumps(value, allow_nan=False, ensure_ascii=False)
-        except (TypeError, ValueError) as error:
-            wanted = "must be a number, a string, a bool or a list of them"
-            raise InputError(f"settings[{key!r}] {wanted}, got {_arrays.shown(value)}") from error
         pairs.append((_arrays.text("settings", key), _arrays.text(f"settings[{key!r}]", toml)))
     return pairs

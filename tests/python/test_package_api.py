@@ -34,7 +34,7 @@ found = planner.plan(np.zeros((480, 640)), graspmill.Camera.from_K(np.eye(3), (4
 picture: bytes = found.overlay(np.zeros((480, 640, 3), np.uint8))
 width_m: float | None = plan[0].width_m
 opening_m: float = plan[0].opening_m
-best: float = plan[0].score
+best: float = plan[0].quality
 some: list[graspmill.Grasp] = again[:2]
 dataset = graspmill.generate("grasps", gripper="wsg_50", shards=1)
 cleared: graspmill.ExperimentResults = graspmill.experiment("runs/mine", planner=lambda look: planner.plan(look.depths, look.cameras))
