@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays
 from .errors import InputError
-from .grippers import Gripper, GripperLike
+from .grippers import GripperLike
 
 Format = Literal["acronym", "graspgen", "isaac_grasp", "molmospaces", "graspnet"]
 Axis = Literal["x", "y"]
@@ -21,23 +21,9 @@ Numbers = NDArray[np.float64]
 #: Most grasps of a set, as for ``graspmill objects annotate``.
 GRASPS_MAX = 1_000_000
 #: Numbers of each grasp, and their shapes; NaN where unknown.
-NUMBERS: dict[str, tuple[int, ...]] = {
-    "width_m": (),
-    "contacts_m": (2, 3),
-    "normals": (2, 3),
-    "closing_moved_m": (),
-    "closing_turned_rad": (),
-    "test_moved_m": (),
-    "test_turned_rad": (),
-    "friction_min": (),
-    "tug_max_g": (),
-    "robust_share": (),
-    "on_table_share": (),
-    "score": (),
-    "opening_m": (),
-}
-#: Numbers of a gripper.
-LENGTHS = tuple(one.name for one in fields(Gripper) if one.name not in ("name", "flange_from_grasp", "finger_tip"))
+NUMBERS: dict[str, tuple[int, ...]] = {"width_m": (), "contacts_m": (2, 3), "normals": (2, 3)}
+NUMBERS |= dict.fromkeys(("closing_moved_m", "closing_turned_rad", "test_moved_m", "test_turned_rad", "friction_min", "tug_max_g"), ())
+NUMBERS |= dict.fromkeys(("robust_share", "on_table_share", "score", "opening_m"), ())
 
 
 def _unknown() -> Numbers:
@@ -48,13 +34,11 @@ def _unknown() -> Numbers:
 class ObjectGrasps:
     """``N`` grasps of an object, in the frame of the object's file: its axes and origin, scaled to metres.
 
-    Arrays that are not given are unknown: NaN in every entry. :func:`dataclasses.replace` makes a set with other
-    values.
+    Arrays that are not given are unknown: NaN in every entry. :func:`dataclasses.replace` makes a set with other values.
 
     Args:
         name: The object's name.
-        object_from_grasp: ``[N, 4, 4]`` float64, the grasp frame in the object's: +z approach, +y closing direction,
-            origin midway between the tips, in metres.
+        object_from_grasp: ``[N, 4, 4]``: +z approach, +y closing direction, origin midway between the tips, in metres.
         held: ``[N]`` bool, whether the object bore the test in the hand; ``None`` where a file has no labels.
         outcome: ``[N]``, names of ``graspmill.OUTCOMES``; ``None`` where a file has none.
         file: The mesh that the object was read from.
@@ -63,8 +47,7 @@ class ObjectGrasps:
         width_m: ``[N]`` metres between the fingers after closing.
         contacts_m: ``[N, 2, 3]``, where the left (−y) and the right finger press, in the object's frame.
         normals: ``[N, 2, 3]``, the object's outward normals there.
-        closing_moved_m: ``[N]``, how far the centre of mass moved while the hand closed. ACRONYM's number seems to be
-            that of the origin of the object's frame.
+        closing_moved_m: ``[N]``, how far the centre of mass moved while the hand closed; ACRONYM's may be the frame's origin.
         closing_turned_rad: ``[N]``, how far the object turned then.
         test_moved_m: ``[N]``, how far it was moved in the hand at the end of the test; of several loads the largest.
         test_turned_rad: ``[N]``, how far it was turned then.
@@ -74,8 +57,7 @@ class ObjectGrasps:
         on_table_share: ``[N]``, the share of the drops in whose stable poses the hand stays off the table.
         score: ``[N]``, the number of a file by others: isaac_grasp's confidence, GraspNet's score.
         is_free_on_table: ``[N, P]`` bool, whether the hand stays off the table in each of ``P`` stable poses.
-        stable_poses: How the object rests: for each pose its probability and ``table_from_object`` ``[4, 4]``. The
-            table frame has z up, its top at 0.
+        stable_poses: How the object rests: probabilities and ``table_from_object`` ``[4, 4]``, z up from the table's top.
         base_to_tips_m: From the hand's base to its tips, along the approach; ``None`` if it is not known.
         info: What else is known: the object, the hand, the test, the settings (``NAME.json``).
         opening_m: ``[N]``, metres between the fingers before closing, where each grasp has its own.
@@ -110,33 +92,22 @@ class ObjectGrasps:
     opening_m: NDArray[np.float64] = field(default_factory=_unknown)
 
     def __post_init__(self) -> None:
-        def put(key: str, value: object) -> None:
-            object.__setattr__(self, key, value)
-
-        put("name", _arrays.text("name", self.name))
-        put("file", _arrays.text("file", self.file))
-        put("scale_m", _arrays.number("scale_m", self.scale_m, 1e-9, 1e9))
-        poses = _arrays.rigid("object_from_grasp", self.object_from_grasp, GRASPS_MAX)
-        put("object_from_grasp", poses)
-        if self.held is not None:
-            put("held", labels("held", self.held, len(poses)))
-        if self.outcome is not None:
-            put("outcome", _words("outcome", self.outcome, len(poses)))
-        source = np.full(len(poses), "given") if np.size(self.source) == 0 else self.source
-        put("source", _words("source", source, len(poses)))
-        for key, shape in NUMBERS.items():
-            put(key, _known(key, getattr(self, key), (len(poses), *shape)))
-        stable = [(float(share), _arrays.rigid("stable_poses", [pose], 1)[0]) for share, pose in self.stable_poses]
-        put("stable_poses", stable)
-        free = _arrays.given("is_free_on_table", self.is_free_on_table)
-        free = np.zeros((len(poses), len(stable)), bool) if free.size == 0 else free
-        if free.shape != (len(poses), len(stable)) or free.dtype.kind != "b":
-            rule = f"must be bool of the shape {[len(poses), len(stable)]}, grasps and stable poses"
-            raise InputError(f"is_free_on_table {rule}, got {free.dtype} {list(free.shape)}")
-        put("is_free_on_table", free)
-        if self.base_to_tips_m is not None:
-            put("base_to_tips_m", _arrays.number("base_to_tips_m", self.base_to_tips_m, 0.0, 10.0))
-        put("info", _arrays.table("info", self.info))
+        own = vars(self)
+        own |= {key: _arrays.text(key, own[key]) for key in ("name", "file")}
+        own["scale_m"] = _arrays.number("scale_m", self.scale_m, 1e-9, 1e9)
+        own["object_from_grasp"] = _arrays.rigid("object_from_grasp", self.object_from_grasp, GRASPS_MAX)
+        count, tips_m = len(self), self.base_to_tips_m
+        own["held"] = None if self.held is None else labels("held", self.held, count)
+        own["outcome"] = None if self.outcome is None else _words("outcome", self.outcome, count)
+        own["source"] = _words("source", np.full(count, "given") if np.size(self.source) == 0 else self.source, count)
+        own |= {key: _known(key, own[key], (count, *shape)) for key, shape in NUMBERS.items()}
+        own["stable_poses"] = [(float(share), _arrays.rigid("stable_poses", [pose], 1)[0]) for share, pose in self.stable_poses]
+        free, wanted = _arrays.given("is_free_on_table", self.is_free_on_table), (count, len(self.stable_poses))
+        own["is_free_on_table"] = free = np.zeros(wanted, bool) if free.size == 0 else free
+        rule = f"is_free_on_table must be bool of the shape {list(wanted)}, grasps and stable poses, got {_arrays.kind(free)}"
+        _arrays.must(free.shape == wanted and free.dtype.kind == "b", rule)
+        own["base_to_tips_m"] = None if tips_m is None else _arrays.number("base_to_tips_m", tips_m, 0.0, 10.0)
+        _arrays.table("info", self.info)
 
     def __len__(self) -> int:
         return len(self.object_from_grasp)
@@ -146,18 +117,15 @@ class ObjectGrasps:
         return f"ObjectGrasps({self.name!r}: {len(self):,} grasps, {held})"
 
     def subset(self, which: ArrayLike) -> ObjectGrasps:
-        """Some of the grasps, such as ``grasps.subset(grasps.held)``.
-
-        Args:
-            which: ``[N]`` bool, or numbers of grasps.
+        """Some of the grasps, such as ``grasps.subset(grasps.held)``: ``which`` is ``[N]`` bool, or numbers of grasps.
 
         Raises:
             InputError: If it is neither, or a number is too large.
         """
         chosen = _arrays.given("which", which)
         chosen = chosen.astype(np.intp) if chosen.size == 0 and chosen.dtype.kind == "f" else chosen
-        if chosen.ndim != 1 or chosen.dtype.kind not in "biu":
-            raise InputError(f"which must be bool or whole numbers in one row, got {chosen.dtype} {list(chosen.shape)}")
+        is_fit = chosen.ndim == 1 and chosen.dtype.kind in "biu"
+        _arrays.must(is_fit, f"which must be bool or whole numbers in one row, got {_arrays.kind(chosen)}")
         try:
             rows = np.arange(len(self))[chosen]
         except IndexError as error:
@@ -169,10 +137,8 @@ class ObjectGrasps:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ObjectGrasps:
-        """A set of ``graspmill objects annotate``. Needs pyarrow: ``pip install graspmill[grasps]``.
-
-        Args:
-            path: Its ``NAME.parquet``; ``NAME.json`` must be beside it.
+        """A set of ``graspmill objects annotate``: its ``NAME.parquet``, with ``NAME.json`` beside it. Needs pyarrow: ``pip install
+        graspmill[grasps]``.
 
         Raises:
             InputError: If a file is missing, damaged, or of something else.
@@ -182,28 +148,18 @@ class ObjectGrasps:
         return grasps.read(path, "parquet")
 
     def save(
-        self,
-        path: str | os.PathLike[str],
-        format: Format | None = None,
-        *,
-        base_to_tips_m: float | None = None,
-        gripper: GripperLike | None = None,
-        closing_axis: Axis | None = None,
-    ) -> Path:
-        """Writes a file for other projects, as ``graspmill objects annotate --format`` does. An existing file stays
-        until it is replaced by the whole one. ``docs/exporting.md`` has the frames.
+        self, path: str | os.PathLike[str], format: Format | None = None, *, base_to_tips_m: float | None = None,
+        gripper: GripperLike | None = None, closing_axis: Axis | None = None,
+    ) -> Path:  # fmt: skip
+        """Writes a file for other projects, as ``graspmill objects annotate --format`` does, and returns its path. An existing file
+        stays until it is replaced by the whole one. ``docs/exporting.md`` has the frames. Further arguments are those of
+        :func:`graspmill.read_grasps`.
 
         Args:
             path: The file.
             format: ``"acronym"`` (needs h5py), ``"graspgen"``, ``"isaac_grasp"``, ``"molmospaces"`` or ``"graspnet"``;
                 by default that of the path's ending: .h5, .json, .yaml, .npz or .npy.
             base_to_tips_m: From the hand's base to its tips, in place of the set's; for ACRONYM 0.1122 m.
-            gripper: The hand, whose distance is used.
-            closing_axis: The base frame's axis along which the hand closes: by default ``"x"`` for ACRONYM and
-                GraspGen, ``"y"`` for isaac_grasp.
-
-        Returns:
-            The path.
 
         Raises:
             InputError: If the set has no labels and the format needs them, or the distance is not known.
@@ -216,13 +172,10 @@ class ObjectGrasps:
 
 def labels(name: str, value: ArrayLike, count: int) -> NDArray[np.bool_]:
     """Labels ``[N]``, true or false or 1 or 0."""
-    array = _arrays.given(name, value)
-    if array.shape == (0,):
-        array = np.empty(0, bool)
-    if array.shape != (count,):
+    if (array := _arrays.given(name, value)).shape != (count,):
         raise InputError(f"{name} must have the shape [{count}], one a grasp, got {list(array.shape)}")
-    if array.dtype.kind not in "biuf" or not np.isin(array, (0, 1)).all():
-        raise InputError(f"{name} must be true or false, or 1 or 0, got {_arrays.shown(array.tolist()[:8])}")
+    is_fit = array.dtype.kind in "biuf" and np.isin(array, (0, 1)).all()
+    _arrays.must(is_fit, f"{name} must be true or false, or 1 or 0", array[:8].tolist())
     return array.astype(bool)
 
 
@@ -234,9 +187,8 @@ def _known(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Numbers:
 
 def _words(name: str, value: ArrayLike, count: int) -> NDArray[np.str_]:
     array = _arrays.given(name, value)
-    array = np.empty(0, np.str_) if array.shape == (0,) else array
-    if array.shape != (count,) or array.dtype.kind not in "UT":
-        raise InputError(f"{name} must be {count} words, one a grasp, got {array.dtype} {list(array.shape)}")
+    is_fit = array.shape == (count,) and (not count or array.dtype.kind in "UT")
+    _arrays.must(is_fit, f"{name} must be {count} words, one a grasp, got {_arrays.kind(array)}")
     return array.astype(np.str_)
 
 

@@ -76,7 +76,7 @@ def test_files_that_close_along_the_other_axis(tmp_path):
     other = turned.save(tmp_path / "other.json", closing_axis="y")
     bases = [json.loads(path.read_text())["grasps"]["transforms"] for path in (usual, other)]
     assert bases[0] == bases[1]
-    refused("closing_axis must be x or y, got 'z'", lambda: read_grasps(usual, closing_axis="z"))
+    refused("closing_axis must be 'x' or 'y', got 'z'", lambda: read_grasps(usual, closing_axis="z"))
 
 
 # Round trips.

@@ -11,6 +11,7 @@ from typing import Any, Iterable, Iterator
 
 import numpy as np
 
+from .. import _arrays
 from ..errors import GraspmillError, InputError, OutsideError
 
 
@@ -63,28 +64,16 @@ def write(path: Path, content: str | bytes) -> None:
 
 @contextmanager
 def whole(file: str) -> Iterator[str]:
-    """The path where a file is to be written: it is moved to its place, where an old one stays until the new one is whole.
-
-    Raises:
-        InputError: If the folder is missing or may not be written, or of what is written.
-        OutsideError: If the disk fails.
-    """
+    """The path where a file is to be written: it is moved to its place, where an old one stays until the new one is whole."""
     folder, name = os.path.split(file)
-    if not os.path.isdir(folder or ".") or os.path.isdir(file):
-        raise InputError(f"path must be a file in a folder that exists, got {file}")
-    beside = os.path.join(folder, f".{name}.{os.getpid()}.part")
+    _arrays.must(os.path.isdir(folder or ".") and not os.path.isdir(file), f"path must be a file in a folder that exists, got {file}")
+    beside = Path(folder, f".{name}.{os.getpid()}.part")
     try:
-        yield beside
-        os.replace(beside, file)
-    except InputError as error:
-        raise InputError(f"{error}: {file}") from error
-    except PermissionError as error:
-        raise InputError(f"path must be a file that may be written, got {error}") from error
-    except OSError as error:
-        raise OutsideError(f"failed to write {file}: {error}") from error
+        with outside(Path(file)):
+            yield str(beside)
+            os.replace(beside, file)
     finally:
-        if os.path.exists(beside):
-            os.unlink(beside)
+        beside.unlink(missing_ok=True)
 
 
 def module(name: str, what: str, extra: str = "grasps") -> Any:
@@ -110,8 +99,8 @@ def outside(path: Path) -> Iterator[None]:
     """Raises errors of the system as ours: a wrong path, or a disk that fails."""
     try:
         yield
-    except GraspmillError:
-        raise
     except OSError as error:
+        if isinstance(error, GraspmillError):
+            raise
         is_wrong = isinstance(error, (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError))
         raise (InputError if is_wrong else OutsideError)(f"failed to write to {path}: {error}") from error

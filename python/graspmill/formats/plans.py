@@ -45,8 +45,7 @@ def _frame(plan: Plan, told: Told) -> tuple[str, Numbers]:
     """The name of the frame in files, and the poses of the grasps in it, ``[N, 4, 4]``."""
     known = [one for one in FRAMES if all(row[f"{one}_from_grasp"] is not None for row in plan.answer["grasps"])]
     frame = told["frame"] or (known[0] if len(plan) else "workspace")
-    if frame not in known:
-        raise InputError(f"frame must be one that the plan knows, {' or '.join(known)}, got {_arrays.shown(frame)}")
+    _arrays.must(frame in known, f"frame must be one that the plan knows, {' or '.join(known)}", frame)
     poses = [getattr(grasp, f"{frame}_from_grasp") for grasp in plan.grasps]
     name = _arrays.text("frame_id", frame if told["frame_id"] is None else told["frame_id"])
     return name, np.stack(poses) if poses else np.empty((0, 4, 4))
@@ -58,20 +57,17 @@ def _hand_from_grasp(plan: Plan, told: Told) -> Numbers | None:
         return loaded(told["gripper"]).flange_from_grasp
     if (pose := plan.answer.get("flange_from_grasp")) is None:
         return None
-    [known] = _arrays.of_quaternions("flange_from_grasp", [[*pose["position_m"], *pose["quaternion_xyzw"]]], 1)
-    flange: Numbers = known
-    return flange
+    return np.asarray(_arrays.of_quaternions("flange_from_grasp", [[*pose["position_m"], *pose["quaternion_xyzw"]]], 1)[0])
 
 
 def _set(plan: Plan, told: Told) -> ObjectGrasps:
     """The grasps as a set without labels, whose score is the quality; what was not seen is NaN."""
-    name, poses = _frame(plan, told)
-    flange = _hand_from_grasp(plan, told)
+    (name, poses), flange = _frame(plan, told), _hand_from_grasp(plan, told)
     return ObjectGrasps(
         name,
         poses,
         score=plan.qualities,
-        width_m=np.array([np.nan if grasp.width_m is None else grasp.width_m for grasp in plan.grasps]),
+        width_m=np.array([grasp.width_m for grasp in plan.grasps], np.float64),  # None is NaN
         opening_m=np.array([grasp.opening_m for grasp in plan.grasps]),
         base_to_tips_m=None if flange is None else float(flange[2, 3]),
         info={"gripper": {"name": plan.answer["gripper"]}},
@@ -98,9 +94,6 @@ def save(plan: Plan, path: str | os.PathLike[str], format: PlanFileFormat | None
     return grasps.write(found, file, chosen, told["base_to_tips_m"], told["gripper"], told["closing_axis"])
 
 
-# moveit_msgs/Grasp
-
-
 def moveit_grasps(plan: Plan, options: PlanFileOptions) -> list[dict[str, Any]]:
     """The grasps with the fields of ``moveit_msgs/Grasp``, best first; fields that are not known are left out."""
     told = _told(options)
@@ -111,32 +104,24 @@ def moveit_grasps(plan: Plan, options: PlanFileOptions) -> list[dict[str, Any]]:
     ups = [pose @ np.linalg.inv(one.workspace_from_grasp) for pose, one in zip(poses, plan.grasps)]
     rows = []
     for number, (grasp, pose, link, up) in enumerate(zip(plan.grasps, poses, links, ups)):
-        ways = {"pre_grasp_approach": pose[:3, 2], "post_grasp_retreat": _retreat(pose[:3, 2], up[:3, 2])}
-        closed = {} if grasp.width_m is None else {"grasp_posture": _posture(joints, grasp.width_m, force_n)}
-        rows.append(
-            {
-                "id": f"grasp_{number}",
-                "pre_grasp_posture": _posture(joints, grasp.opening_m),
-                **closed,
-                "grasp_pose": {"header": {"frame_id": name}, "pose": _pose(link)},
-                "grasp_quality": float(grasp.quality),
-                **{key: _way(name, along, far) for (key, along), far in zip(ways.items(), lengths_m)},
-            }
-        )
-    return [{key: value for key, value in row.items() if value is not None} for row in rows]
+        row: dict[str, Any] = {"id": f"grasp_{number}", "pre_grasp_posture": _posture(joints, grasp.opening_m)}
+        row["grasp_posture"] = None if grasp.width_m is None else _posture(joints, grasp.width_m, force_n)
+        row["grasp_pose"] = {"header": {"frame_id": name}, "pose": _pose(link)}
+        row["grasp_quality"] = float(grasp.quality)
+        row["pre_grasp_approach"] = _way(name, pose[:3, 2], lengths_m[0])
+        row["post_grasp_retreat"] = _way(name, _retreat(pose[:3, 2], up[:3, 2]), lengths_m[1])
+        rows.append({key: value for key, value in row.items() if value is not None})
+    return rows
 
 
 def _links(plan: Plan, told: Told, poses: Numbers) -> Numbers:
     """Poses ``[N, 4, 4]`` of the robot's last link, on which the hand is mounted."""
     axis, tips_m = told["closing_axis"], told["base_to_tips_m"]
-    if axis not in (None, "x", "y"):
-        raise InputError(f"closing_axis must be x or y, got {_arrays.shown(axis)}")
+    _arrays.one_of("closing_axis", axis, (None, "x", "y"))
     if tips_m is not None:
         return to_base(poses, _arrays.number("base_to_tips_m", tips_m, 0.0, 10.0), axis or "y")
-    if axis is not None:
-        raise InputError("closing_axis goes with base_to_tips_m for moveit, got no base_to_tips_m")
-    link_from_grasp = _hand_from_grasp(plan, told)
-    if link_from_grasp is None:
+    _arrays.must(axis is None, "closing_axis goes with base_to_tips_m for moveit, got no base_to_tips_m")
+    if (link_from_grasp := _hand_from_grasp(plan, told)) is None:
         raise InputError("base_to_tips_m or a gripper with flange_from_grasp must be given for moveit, got neither")
     return poses @ np.linalg.inv(link_from_grasp)
 
@@ -146,8 +131,7 @@ def _joints(plan: Plan, told: Told) -> dict[str, float]:
     joints = told["joints"]
     if joints is None:
         return PANDA_JOINTS if plan.answer["gripper"] in PANDA_NAMES else {}
-    if not isinstance(joints, Mapping):
-        raise InputError(f"joints must be names with metres for each metre of opening, got {_arrays.shown(joints)}")
+    _arrays.must(isinstance(joints, Mapping), "joints must be names with metres for each metre of opening", joints)
     return {_arrays.text("joints", name): _arrays.number(f"joints.{name}", to, -1e3, 1e3) for name, to in joints.items()}
 
 

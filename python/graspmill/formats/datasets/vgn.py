@@ -23,8 +23,8 @@ from typing import Any, Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from ... import _arrays
 from ...dataset import Dataset
-from ...errors import InputError
 from ...scene import OUTCOMES
 from .._files import as_json, finish, joined, part, write as write_file
 
@@ -38,10 +38,8 @@ TOGETHER = 256
 
 def check(info: dict[str, Any]) -> None:
     """Refuses a dataset that does not fit the format."""
-    if (got := info["grid"]["resolution"]) != RESOLUTION:
-        raise InputError(f"VGN's code takes grids of {RESOLUTION}^3 voxels, the dataset has {got}^3")
-    if (hands := len(info.get("grippers", [info["gripper"]]))) != 1:
-        raise InputError(f"VGN's format has one hand, the dataset has {hands}")
+    _arrays.must((got := info["grid"]["resolution"]) == RESOLUTION, f"VGN's code takes grids of {RESOLUTION}^3 voxels, the dataset has {got}^3")
+    _arrays.must((hands := len(info.get("grippers", [info["gripper"]]))) == 1, f"VGN's format has one hand, the dataset has {hands}")
 
 
 def write(dataset: Dataset, folder: Path, done: Callable[[int], None]) -> dict[str, int]:

@@ -1,6 +1,6 @@
 """Files of grasps: ACRONYM, GraspGen, isaac_grasp, MolmoSpaces and GraspNet, and our own Parquet (``docs/exporting.md``).
 
-A format is a file with ``read`` and ``write``. Both refuse what is wrong without the path, which is added here.
+A format is a file with ``read``, of a file that is ``WHAT``, and ``write``; ``read`` refuses what is wrong without the path.
 """
 
 from __future__ import annotations
@@ -11,81 +11,58 @@ from typing import Any, Literal
 
 from ... import _arrays
 from ...errors import InputError
-from ...grippers import GripperLike, loaded
-from ...object_grasps import LENGTHS, Axis, Format, ObjectGrasps
+from ...grippers import LENGTHS, GripperLike, loaded
+from ...object_grasps import Axis, Format, ObjectGrasps
 from .._files import whole
 from . import acronym, graspgen, graspnet, isaac_grasp, molmospaces, parquet
-from ._parts import Hand
+from ._parts import Hand, stem
 
 #: Formats that are written, and all that are read.
-WRITTEN: dict[str, Any] = {
-    "acronym": acronym,
-    "graspgen": graspgen,
-    "isaac_grasp": isaac_grasp,
-    "molmospaces": molmospaces,
-    "graspnet": graspnet,
-}
+WRITTEN: dict[str, Any] = {"acronym": acronym, "graspgen": graspgen, "isaac_grasp": isaac_grasp}
+WRITTEN |= {"molmospaces": molmospaces, "graspnet": graspnet}
 FORMATS: dict[str, Any] = {**WRITTEN, "parquet": parquet}
 #: Ending of a file's name, and its format.
-ENDINGS = {
-    ".h5": "acronym",
-    ".hdf5": "acronym",
-    ".json": "graspgen",
-    ".yaml": "isaac_grasp",
-    ".yml": "isaac_grasp",
-    ".npz": "molmospaces",
-    ".npy": "graspnet",
-    ".parquet": "parquet",
-}
+ENDINGS = {".h5": "acronym", ".hdf5": "acronym", ".json": "graspgen", ".yaml": "isaac_grasp", ".yml": "isaac_grasp"}
+ENDINGS |= {".npz": "molmospaces", ".npy": "graspnet", ".parquet": "parquet"}
 
 
 def read(
-    path: str | os.PathLike[str],
-    format: Format | Literal["parquet"] | None = None,
-    base_to_tips_m: float | None = None,
-    gripper: GripperLike | None = None,
-    closing_axis: Axis | None = None,
-) -> ObjectGrasps:
-    """Grasps of a file by others, in our frame. ``docs/exporting.md`` has their frames.
+    path: str | os.PathLike[str], format: Format | Literal["parquet"] | None = None, base_to_tips_m: float | None = None,
+    gripper: GripperLike | None = None, closing_axis: Axis | None = None,
+) -> ObjectGrasps:  # fmt: skip
+    """Grasps of a file by others, in our frame; what the file does not say is NaN or ``None``. ``docs/exporting.md`` has their
+    frames.
 
     Args:
         path: The file.
-        format: ``"acronym"`` (needs h5py), ``"graspgen"``, ``"isaac_grasp"`` (needs PyYAML), ``"molmospaces"``,
-            ``"graspnet"``, or ``"parquet"`` for :meth:`ObjectGrasps.load`; by default that of the path's ending: .h5,
-            .json, .yaml, .npz, .npy or .parquet.
-        base_to_tips_m: From the origin of the file's frame to the tips of the hand, along the approach. By default
-            0.1122 m for ACRONYM and ``gripper.depth`` of the file for GraspGen. isaac_grasp has no such number: give
-            it, or ``gripper``. MolmoSpaces and GraspNet do not need it.
+        format: ``"acronym"`` (needs h5py), ``"graspgen"``, ``"isaac_grasp"`` (needs PyYAML), ``"molmospaces"``, ``"graspnet"``,
+            or ``"parquet"`` for :meth:`ObjectGrasps.load`; by default that of the path's ending: .h5, .json, .yaml, .npz, .npy or
+            .parquet.
+        base_to_tips_m: From the origin of the file's frame to the tips of the hand, along the approach. By default 0.1122 m for
+            ACRONYM and ``gripper.depth`` of the file for GraspGen. isaac_grasp has none: give it, or ``gripper``.
         gripper: The hand: its distance is z of ``flange_from_grasp``, or else the length of finger and palm.
-        closing_axis: The axis of the file's frame along which the hand closes: by default ``"x"`` for ACRONYM and
-            GraspGen, ``"y"`` for isaac_grasp, whose files have the axes of their hand's link.
-
-    Returns:
-        The set. What the file does not say is NaN or ``None``.
+        closing_axis: The axis of the file's frame along which the hand closes: by default ``"x"`` for ACRONYM and GraspGen,
+            ``"y"`` for isaac_grasp.
 
     Raises:
         InputError: If the file is damaged or of something else, or the distance is not known.
     """
     file = _arrays.path("path", path)
     chosen, hand = _format(file, format, FORMATS), _hand(base_to_tips_m, gripper, closing_axis)
-    if not os.path.isfile(file):
-        raise InputError(f"path must be a file, got {file}")
+    _arrays.must(os.path.isfile(file), f"path must be a file, got {file}")
     try:
-        return ObjectGrasps(**chosen.read(file, hand))
-    except OSError as error:
-        raise InputError(f"path must be a file that can be read, got {error}") from error
-    except InputError as error:
-        raise InputError(f"{error}: {file}") from error
+        return ObjectGrasps(**{"name": stem(file), **chosen.read(file, hand)})
+    except MemoryError:
+        raise
+    except Exception as error:  # whatever a library says of a damaged file
+        why = str(error) if isinstance(error, InputError) else f"the file must be {chosen.WHAT}, got {str(error)[:200]}"
+        raise InputError(f"{why}: {file}") from error
 
 
 def write(
-    grasps: ObjectGrasps,
-    path: str | os.PathLike[str],
-    format: Format | None = None,
-    base_to_tips_m: float | None = None,
-    gripper: GripperLike | None = None,
-    closing_axis: Axis | None = None,
-) -> Path:
+    grasps: ObjectGrasps, path: str | os.PathLike[str], format: Format | None = None, base_to_tips_m: float | None = None,
+    gripper: GripperLike | None = None, closing_axis: Axis | None = None,
+) -> Path:  # fmt: skip
     """Writes a file; see :meth:`ObjectGrasps.save`."""
     file = _arrays.path("path", path)
     chosen, hand = _format(file, format, WRITTEN), _hand(base_to_tips_m, gripper, closing_axis)
@@ -105,8 +82,7 @@ def _format(path: str, format: str | None, known: dict[str, Any]) -> Any:
 
 def _hand(base_to_tips_m: float | None, gripper: GripperLike | None, closing_axis: Axis | None) -> Hand:
     """What the caller says of the hand, checked."""
-    if closing_axis not in (None, "x", "y"):
-        raise InputError(f"closing_axis must be x or y, got {_arrays.shown(closing_axis)}")
+    _arrays.one_of("closing_axis", closing_axis, (None, "x", "y"))
     given_m = None if base_to_tips_m is None else _arrays.number("base_to_tips_m", base_to_tips_m, 0.0, 10.0)
     if gripper is None:
         return Hand(given_m, closing_axis)

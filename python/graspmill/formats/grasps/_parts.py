@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ... import _arrays
 from ...errors import InputError
-from ...object_grasps import Axis, Numbers, ObjectGrasps
+from ...object_grasps import GRASPS_MAX, Axis, Numbers, ObjectGrasps
 
 #: Hands with the driven joint below, whose value is half the distance between the fingers.
 PANDA_NAMES = ("franka_hand", "panda", "panda_hand")
@@ -24,13 +24,8 @@ PANDA_JOINT = "panda_finger_joint1"
 
 @dataclass(frozen=True)
 class Hand:
-    """What the caller says of the hand; the rest is taken from the file, or from the set that is written.
-
-    Attributes:
-        base_to_tips_m: From the base of the hand to its tips, along the approach, in metres.
-        closing_axis: Which axis of the base frame is the closing direction.
-        gripper: Its name and lengths, as in ``NAME.json``.
-    """
+    """What the caller says of the hand: from its base to its tips, the axis of its base along which it closes, its name and
+    lengths as in ``NAME.json``. The rest is taken from the file, or from the set that is written."""
 
     base_to_tips_m: float | None = None
     closing_axis: Axis | None = None
@@ -66,8 +61,7 @@ def word(name: str, value: object) -> str:
     """A text of a file, which HDF5 gives as bytes."""
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")
-    if not isinstance(value, str):
-        raise InputError(f"{name} must be a text, got {_arrays.shown(value)}")
+    _arrays.must(isinstance(value, str), f"{name} must be a text", value)
     return _arrays.text(name, value)
 
 
@@ -97,6 +91,18 @@ def good(grasps: ObjectGrasps) -> ObjectGrasps:
 def part(grasps: ObjectGrasps, name: str) -> dict[str, Any]:
     """What a set knows of its object, or of its gripper."""
     return _arrays.table(f"info.{name}", grasps.info.get(name, {}))
+
+
+def array(name: str, file: Any, shape: tuple[int, ...]) -> NDArray[Any]:
+    """An array of a ``.npy``, whose shape ``[N, *shape]`` is checked before memory is taken for it."""
+    version = np.lib.format.read_magic(file)
+    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    found, _, dtype = header(file)
+    if found[1:] != shape or not found or found[0] > GRASPS_MAX or dtype.kind not in "fiu":
+        wanted = f"numbers of the shape [{', '.join(['N', *map(str, shape)])}], N at most {GRASPS_MAX}"
+        raise InputError(f"{name} must be {wanted}, got {dtype} {list(found)}")
+    file.seek(0)
+    return np.asarray(np.lib.format.read_array(file, allow_pickle=False))
 
 
 def opening_m(grasps: ObjectGrasps) -> float | None:

@@ -10,8 +10,9 @@ from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, Numbers, ObjectGrasps, labels
 from .._files import module
-from ._parts import Hand, about, from_base, hand_name, labelled, opening_m, part, stem, to_base, word
+from ._parts import Hand, about, from_base, hand_name, labelled, opening_m, part, to_base, word
 
+WHAT = "ACRONYM's HDF5"
 #: From the origin of its frame to the tips, in metres: 0.11217 in its marker, 0.11225 in its mesh of the hand.
 BASE_TO_TIPS_M = 0.1122
 FLEX = "grasps/qualities/flex/"
@@ -22,14 +23,9 @@ MOTIONS = {
     "test_turned_rad": "object_motion_during_shaking_angular",
 }
 #: Keys of an object in ``NAME.json``, ACRONYM's names for them, and their shapes.
-SOLID = {
-    "mass_kg": ("mass", ()),
-    "friction": ("friction", ()),
-    "density_kg_m3": ("density", ()),
-    "volume_m3": ("volume", ()),
-    "centre_of_mass_m": ("com", (3,)),
-    "inertia_kg_m2": ("inertia", (3, 3)),
-}
+SOLID: dict[str, tuple[str, tuple[int, ...]]] = {"mass_kg": ("mass", ()), "friction": ("friction", ())}
+SOLID |= {"density_kg_m3": ("density", ()), "volume_m3": ("volume", ())}
+SOLID |= {"centre_of_mass_m": ("com", (3,)), "inertia_kg_m2": ("inertia", (3, 3))}
 
 
 def _products_negated(inertia: Numbers) -> Numbers:
@@ -49,31 +45,23 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
             raise InputError(f"{key} must be an array of at most {GRASPS_MAX} grasps, got {_arrays.shown(found)}")
         return found[()] if shape is None else _arrays.numbers(key, found[()], shape, has_gaps=has_gaps)
 
-    try:
-        with h5py.File(path, "r") as file:
-            _arrays.entry("grasps/transforms", {"grasps/transforms": 0} if "grasps/transforms" in file else dict.fromkeys(file))
-            base_m = hand.known_m(BASE_TO_TIPS_M, "ACRONYM")
-            bases = _arrays.rigid("grasps/transforms", value("grasps/transforms"), GRASPS_MAX)
-            held = value(FLEX + "object_in_gripper")
-            motions = {ours: value(FLEX + theirs, (len(bases),), True) for ours, theirs in MOTIONS.items()}
-            solid = {ours: value(f"object/{theirs}", shape) for ours, (theirs, shape) in SOLID.items()}
-            scale_m, opening = value("object/scale", ()), value("gripper/configuration", (1,))
-            mesh, kind = value("object/file"), value("gripper/type")
-    except InputError:
-        raise
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
-        raise InputError(f"the file must be ACRONYM's HDF5, got {error}") from error
+    with h5py.File(path, "r") as file:
+        _arrays.entry("grasps/transforms", {"grasps/transforms": 0} if "grasps/transforms" in file else dict.fromkeys(file))
+        base_m = hand.known_m(BASE_TO_TIPS_M, "ACRONYM")
+        bases = _arrays.rigid("grasps/transforms", value("grasps/transforms"), GRASPS_MAX)
+        held = value(FLEX + "object_in_gripper")
+        motions = {ours: value(FLEX + theirs, (len(bases),), True) for ours, theirs in MOTIONS.items()}
+        solid = {ours: value(f"object/{theirs}", shape) for ours, (theirs, shape) in SOLID.items()}
+        scale_m, opening = value("object/scale", ()), value("gripper/configuration", (1,))
+        mesh, kind = value("object/file"), value("gripper/type")
     if mesh is None or scale_m is None:
         raise InputError(f"object/{'file' if mesh is None else 'scale'} must be in the file, got none")
     if solid["inertia_kg_m2"] is not None:
         solid["inertia_kg_m2"] = _products_negated(solid["inertia_kg_m2"])
     known = {key: one.tolist() for key, one in solid.items() if one is not None}
-    gripper = {
-        "name": None if kind is None else word("gripper/type", kind),
-        "opening_m_max": None if opening is None else 2.0 * float(opening[0]),
-    }
+    opening_m_max = None if opening is None else 2.0 * float(opening[0])
+    gripper = {"name": None if kind is None else word("gripper/type", kind), "opening_m_max": opening_m_max}
     return {
-        "name": stem(path),
         "file": word("object/file", mesh),
         "scale_m": float(scale_m),
         "object_from_grasp": from_base(bases, base_m, hand.closing_axis or "x"),
@@ -90,11 +78,8 @@ def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
     base_m = hand.known_m(BASE_TO_TIPS_M, "ACRONYM")
     held, thing, open_m = labelled(grasps, "ACRONYM"), part(grasps, "object"), opening_m(grasps)
     is_shake = grasps.info.get("test", "shake") == "shake"
-    values: dict[str, Any] = {
-        "grasps/transforms": to_base(grasps.object_from_grasp, base_m, hand.closing_axis or "x"),
-        FLEX + "object_in_gripper": held.astype(np.int64),
-        "object/scale": np.float64(grasps.scale_m),
-    }
+    values: dict[str, Any] = {"grasps/transforms": to_base(grasps.object_from_grasp, base_m, hand.closing_axis or "x")}
+    values |= {FLEX + "object_in_gripper": held.astype(np.int64), "object/scale": np.float64(grasps.scale_m)}
     for ours, theirs in MOTIONS.items():
         if not np.isnan(getattr(grasps, ours)).all() and (is_shake or ours.startswith("closing")):
             values[FLEX + theirs] = getattr(grasps, ours)

@@ -11,7 +11,9 @@ from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, Numbers, ObjectGrasps, labels
 from .._files import loaded_json
-from ._parts import Hand, about, from_base, hand_name, labelled, opening_m, stem, to_base, word
+from ._parts import Hand, about, from_base, hand_name, labelled, opening_m, to_base, word
+
+WHAT = "JSON"
 
 
 def read(path: str, hand: Hand) -> dict[str, Any]:
@@ -19,15 +21,13 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
     data = _arrays.table("the file", loaded_json(path))
     thing, grasps = _arrays.table("object", _arrays.entry("object", data)), _arrays.table("grasps", _arrays.entry("grasps", data))
     gripper = _arrays.table("gripper", data.get("gripper", {}))
-    depth_m = gripper.get("depth")
-    depth_m = None if depth_m is None else _arrays.number("gripper.depth", depth_m, 0.0, 10.0)
+    depth_m = None if gripper.get("depth") is None else _arrays.number("gripper.depth", gripper["depth"], 0.0, 10.0)
     base_m = hand.known_m(depth_m, "the file")
     bases = _arrays.rigid("grasps.transforms", _arrays.entry("grasps.transforms", grasps), GRASPS_MAX)
     held = _arrays.entry("grasps.object_in_gripper", grasps)
     known = {"name": gripper.get("name"), "opening_m_max": gripper.get("width")}
     contacts = grasps.get("contacts_m")  # ours
     return {
-        "name": stem(path),
         "file": word("object.file", _arrays.entry("object.file", thing)),
         "scale_m": _arrays.number("object.scale", _arrays.entry("object.scale", thing), 0.0, 1e9),
         "object_from_grasp": from_base(bases, base_m, hand.closing_axis or "x"),

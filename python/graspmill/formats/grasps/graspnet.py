@@ -9,9 +9,9 @@ import numpy as np
 from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, ObjectGrasps
-from . import _npy
-from ._parts import Hand, about, good, part, stem
+from ._parts import Hand, about, array, good, part
 
+WHAT = "an .npy of NumPy"
 #: Its centre lies this far behind the tips in the files that are written, in metres.
 DEPTH_M = 0.02
 #: Its height of a hand whose fingers' width is not known, in metres, as in its labels.
@@ -22,13 +22,8 @@ SCORE = 1.1
 
 def read(path: str, hand: Hand) -> dict[str, Any]:
     """The arguments of an ``ObjectGrasps``. Poses keep the frame of the file, which is a camera's for scenes."""
-    try:
-        with open(path, "rb") as file:
-            rows = np.asarray(_npy.array("the array", file, (17,)), np.float64)
-    except InputError:
-        raise
-    except _npy.BROKEN as error:
-        raise InputError(f"the file must be an .npy of NumPy, got {error}") from error
+    with open(path, "rb") as file:
+        rows = np.asarray(array("the array", file, (17,)), np.float64)
     if not np.isfinite(rows).all():
         raise InputError(f"the array must be finite, got {int((~np.isfinite(rows)).sum())} values that are not")
     grasps, theirs = np.tile(np.eye(4), (len(rows), 1, 1)), rows[:, 4:13].reshape(-1, 3, 3)
@@ -38,7 +33,6 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
     heights_m = np.unique(rows[:, 2])
     height_m = float(heights_m[0]) if len(heights_m) == 1 else None
     return {
-        "name": stem(path),
         "object_from_grasp": _arrays.rigid("the rotations", grasps, GRASPS_MAX),
         "score": rows[:, 0],
         "width_m": np.where(rows[:, 1] > 0.0, rows[:, 1], np.nan),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,9 @@ from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, ObjectGrasps
 from .._files import module
-from ._parts import PANDA_JOINT, PANDA_NAMES, Hand, about, from_base, hand_name, opening_m, stem, to_base, word
+from ._parts import PANDA_JOINT, PANDA_NAMES, Hand, about, from_base, hand_name, opening_m, to_base, word
+
+WHAT = "YAML"
 
 
 def _numbers(name: str, value: object, count: int) -> list[float]:
@@ -28,38 +31,30 @@ def _row(name: str, value: object) -> tuple[list[float], float, float, float]:
     w, xyz = (_arrays.entry(f"{name}.orientation.{key}", turned) for key in ("w", "xyz"))
     pose = _numbers(f"{name}.position", _arrays.entry(f"{name}.position", grasp), 3)
     pose += _numbers(f"{name}.orientation.xyz", xyz, 3) + [_arrays.number(f"{name}.orientation.w", w, -2.0, 2.0)]
-    length = float(np.linalg.norm(pose[3:]))
-    if abs(length - 1.0) > _arrays.RIGID_OFF_MAX:
-        rule = f"must have the length 1 within {_arrays.RIGID_OFF_MAX:g}"
-        raise InputError(f"{name}.orientation {rule}, got {length:.4g}")
+    if abs((length := float(np.linalg.norm(pose[3:]))) - 1.0) > _arrays.RIGID_OFF_MAX:
+        raise InputError(f"{name}.orientation must have the length 1 within {_arrays.RIGID_OFF_MAX:g}, got {length:.4g}")
     confidence = _arrays.number(f"{name}.confidence", grasp.get("confidence", 1.0), 0.0, 1.0)
-    widths_m = []
-    for key in ("cspace_position", "pregrasp_cspace_position"):
+
+    def width_m(key: str) -> float:
         joint_m = _arrays.table(f"{name}.{key}", grasp.get(key) or {}).get(PANDA_JOINT)
-        widths_m.append(np.nan if joint_m is None else 2.0 * _arrays.number(f"{name}.{key}", joint_m, -1.0, 1.0))
-    return pose, confidence, widths_m[0], widths_m[1]
+        return np.nan if joint_m is None else 2.0 * _arrays.number(f"{name}.{key}", joint_m, -1.0, 1.0)
+
+    return pose, confidence, width_m("cspace_position"), width_m("pregrasp_cspace_position")
 
 
 def read(path: str, hand: Hand) -> dict[str, Any]:
     """The arguments of an ``ObjectGrasps``."""
     yaml = module("yaml", "isaac_grasp")
-    try:
-        with open(path, "rb") as file:
-            loaded = yaml.load(file, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f"the file must be YAML, got {str(error)[:200]}") from error
-    data = _arrays.table("the file", loaded)
-    if data.get("format") != "isaac_grasp":
-        raise InputError(f"format must be isaac_grasp, got {_arrays.shown(data.get('format'))}")
-    if str(data.get("format_version")) not in ("1.0", "1"):
-        version = _arrays.shown(data.get("format_version"))
-        warnings.warn(f"format_version is {version}, and is read as 1.0: {path}", stacklevel=3)
+    with open(path, "rb") as file:
+        data = _arrays.table("the file", yaml.load(file, getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
+    _arrays.must(data.get("format") == "isaac_grasp", "format must be isaac_grasp", data.get("format"))
+    if str(version := data.get("format_version")) not in ("1.0", "1"):
+        warnings.warn(f"format_version is {_arrays.shown(version)}, and is read as 1.0: {path}", stacklevel=3)
     if data.get("approach_axis", 2) != 2:  # GraspDataGen's
         raise InputError(f"approach_axis must be 2 (z), got {_arrays.shown(data['approach_axis'])}")
     base_m = hand.known_m(None, "isaac_grasp")
     grasps = _arrays.table("grasps", _arrays.entry("grasps", data))
-    if len(grasps) > GRASPS_MAX:
-        raise InputError(f"grasps must be at most {GRASPS_MAX}, got {len(grasps)}")
+    _arrays.must(len(grasps) <= GRASPS_MAX, f"grasps must be at most {GRASPS_MAX}, got {len(grasps)}")
     rows = [_row(f"grasps.{str(key)[:60]}", value) for key, value in grasps.items()]
     poses, confidences, widths_m, openings_m = zip(*rows) if rows else ([], [], [], [])
     bases = _arrays.matrices(np.reshape(np.array(poses, np.float64), (-1, 7)))
@@ -67,13 +62,11 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
     # The editor writes 0 for what escaped, 0.5 for what was lost later, 1 for what was kept. Others are a network's.
     held = score == 1.0 if np.isin(score, (0.0, 0.5, 1.0)).all() else None
     frame = data.get("gripper_frame", data.get("gripper_frame_link"))
-    gripper = {
-        "name": None if frame is None else word("gripper_frame", frame),
-        "opening_m_max": None if np.isnan(opening).all() else float(np.nanmax(opening)),
-    }
+    opening_m_max = None if np.isnan(opening).all() else float(np.nanmax(opening))
+    gripper = {"name": None if frame is None else word("gripper_frame", frame), "opening_m_max": opening_m_max}
     name = data.get("object_frame")
     return {
-        "name": name if isinstance(name, str) and name and "/" not in name else stem(path),
+        **({"name": name} if isinstance(name, str) and name and "/" not in name else {}),
         "file": word("object_file", data.get("object_file", "")),
         "scale_m": _arrays.number("object_scale", data.get("object_scale", 1.0), 0.0, 1e9),
         "object_from_grasp": from_base(bases, base_m, hand.closing_axis or "y"),
@@ -90,7 +83,7 @@ def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
     """As ``graspmill objects annotate --format isaac_grasp``. Of sets without labels the score is the confidence."""
     bases = to_base(grasps.object_from_grasp, hand.known_m(grasps.base_to_tips_m, "the set"), hand.closing_axis or "y")
     confidences = grasps.score if grasps.held is None else grasps.held.astype(np.float64)
-    if len(grasps) and not ((confidences >= 0.0) & (confidences <= 1.0)).all():
+    if not ((confidences >= 0.0) & (confidences <= 1.0)).all():
         rule = "held, or a score from 0 to 1, must be known for isaac_grasp"
         raise InputError(f"{rule}, got neither: dataclasses.replace(grasps, held=…) states it")
     name, widest_m = hand_name(grasps), opening_m(grasps)
@@ -103,7 +96,8 @@ def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
         x, y, z, w = (f"{one:.8f}" for one in turned)
         lines += [
             f"  grasp_{number}:",
-            f"    confidence: {_shortest(confidences[number])}",
+            # With one decimal if that says all, as labels do.
+            f"    confidence: {confidences[number]:.{1 if round(confidences[number], 1) == confidences[number] else 8}f}",
             f"    position: [{', '.join(f'{one:.7f}' for one in base[:3, 3])}]",
             f"    orientation: {{w: {w}, xyz: [{x}, {y}, {z}]}}",
         ]
@@ -113,10 +107,4 @@ def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
             if not np.isnan(width_m):
                 lines.append(f"    cspace_position: {{{PANDA_JOINT}: {0.5 * width_m:.6f}}}")
             lines.append(f"    pregrasp_cspace_position: {{{PANDA_JOINT}: {0.5 * open_m:.6f}}}")
-    with open(path, "w", encoding="utf-8") as file:
-        file.write("\n".join(lines) + "\n")
-
-
-def _shortest(confidence: float) -> str:
-    """With one decimal if that says all, as labels do."""
-    return f"{confidence:.1f}" if round(confidence, 1) == confidence else f"{confidence:.8f}"
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")

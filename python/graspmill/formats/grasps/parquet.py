@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import _arrays
-from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, NUMBERS, stable_pose
 from .._files import loaded_json, module
 from ._parts import Hand
 
+WHAT = "Parquet"
 #: Columns with one number a grasp, by our names.
 COLUMNS = {name: name for name, shape in NUMBERS.items() if not shape and name not in ("score", "opening_m")}
 COLUMNS["on_table_share"] = "free_on_table_share"
@@ -22,13 +22,14 @@ COLUMNS["on_table_share"] = "free_on_table_share"
 def read(path: str, _: Hand) -> dict[str, Any]:
     """The arguments of an ``ObjectGrasps``."""
     beside = os.path.splitext(path)[0] + ".json"
-    if not os.path.isfile(beside):
-        raise InputError(f"NAME.json must be beside NAME.parquet, got none: {beside}")
-    columns, info = _columns(path), _arrays.table("the file", loaded_json(beside))
+    _arrays.must(os.path.isfile(beside), f"NAME.json must be beside NAME.parquet, got none: {beside}")
+    info = _arrays.table("the file", loaded_json(beside))
+    with open(path, "rb") as opened:
+        rows = module("pyarrow.parquet", "NAME.parquet").read_table(opened)
+    columns = {name: rows[name].to_numpy(zero_copy_only=False) for name in rows.column_names}  # null is NaN
 
     def column(name: str) -> NDArray[Any]:
-        found: NDArray[Any] = _arrays.entry(name, columns)
-        return found
+        return np.asarray(_arrays.entry(name, columns))
 
     thing = _arrays.table("object", _arrays.entry("object", info))
     poses = np.stack([column(name) for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")], axis=1)
@@ -37,32 +38,18 @@ def read(path: str, _: Hand) -> dict[str, Any]:
         for key, name in (("contacts_m", "{}_{}_m"), ("normals", "{}_normal_{}"))
     }
     stable = [stable_pose(one) for one in _arrays.listed("stable_poses", info.get("stable_poses", []))]
-    if (free := column("free_on_table")).dtype.kind not in "iu":
-        raise InputError(f"free_on_table must be whole numbers, got {free.dtype}")
+    _arrays.must((free := column("free_on_table")).dtype.kind in "iu", f"free_on_table must be whole numbers, got {free.dtype}")
     bits = free.astype(np.uint64)[:, None] >> np.arange(len(stable), dtype=np.uint64)
     return {
-        "name": str(_arrays.entry("object.name", thing)),
-        "file": str(_arrays.entry("object.file", thing)),
+        **{key: str(_arrays.entry(f"object.{key}", thing)) for key in ("name", "file")},
         "scale_m": _arrays.entry("object.scale_m", thing),
         "object_from_grasp": _arrays.of_quaternions("poses", poses, GRASPS_MAX),
         "held": column("held"),
-        "outcome": np.array(column("outcome").tolist(), np.str_),
-        "source": np.array(column("source").tolist(), np.str_),
-        **{key: rows.reshape(-1, 2, 3) for key, rows in points.items()},
+        **{key: np.array(column(key).tolist(), np.str_) for key in ("outcome", "source")},
+        **{key: corners.reshape(-1, 2, 3) for key, corners in points.items()},
         **{ours: column(theirs) for ours, theirs in COLUMNS.items()},
         "is_free_on_table": (bits & np.uint64(1)).astype(bool),
         "stable_poses": stable,
         "base_to_tips_m": _arrays.number("base_to_tips_m", _arrays.entry("base_to_tips_m", info), 0.0, 10.0),
         "info": info,
     }
-
-
-def _columns(path: str) -> dict[str, Any]:
-    """The columns as arrays; null is NaN."""
-    parquet, arrow = module("pyarrow.parquet", "NAME.parquet"), module("pyarrow", "NAME.parquet")
-    try:
-        with open(path, "rb") as opened:
-            rows = parquet.read_table(opened)
-        return {name: rows[name].to_numpy(zero_copy_only=False) for name in rows.column_names}
-    except (arrow.ArrowException, ValueError) as error:
-        raise InputError(f"the file must be Parquet, got {error}") from error

@@ -13,7 +13,7 @@ import shutil
 from pathlib import Path
 from typing import Any, Callable
 
-from ... import _native
+from ... import _arrays, _native
 from ...errors import InputError
 from ...scene import OUTCOMES
 from .._files import as_json, outside as outside, part, write as write_file
@@ -24,15 +24,10 @@ FORMATS = {"mjcf": mjcf, "urdf": urdf, "usda": usda}
 
 
 def export_scene(dataset: _native.Dataset, info: dict[str, Any], scene_id: int, form: str, folder: Path) -> dict[str, Any]:
-    """Writes a scene's files into a folder, which is made if it does not exist; returns the scene's rows.
-
-    Raises:
-        InputError: If there is no such format, or the folder is a file.
-    """
+    """Writes a scene's files into a folder, which is made if it does not exist; returns the scene's rows."""
     if form not in FORMATS:
         raise InputError(f"format must be one of {', '.join(FORMATS)}, got {json.dumps(form)}")
-    if folder.is_file():
-        raise InputError(f"the scene must go to a folder, got a file: {folder}")
+    _arrays.must(not folder.is_file(), f"the scene must go to a folder, got a file: {folder}")
     world = World(dataset, info, scene_id)
     for name, text in {**FORMATS[form].files(world), "scene.json": as_json(world.plain) + "\n"}.items():
         write_file(folder / name, text)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Sequence, Union
+from typing import Any, NamedTuple, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,16 +40,14 @@ def singles(*values: Any) -> Singles:
     return np.array(values, np.float32)
 
 
-@dataclass(frozen=True)
-class Box:
+class Box(NamedTuple):
     """A box: its centre and half lengths, ``[3]`` each, in the frame of its body."""
 
     centre_m: Singles
     half_m: Singles
 
 
-@dataclass(frozen=True)
-class Hull:
+class Hull(NamedTuple):
     """A convex part: corners ``[N, 3]``, and the corners of each face by number, counter-clockwise from outside."""
 
     corners_m: Singles
@@ -63,8 +61,7 @@ class Hull:
 Parts = dict[str, Union[Box, Hull]]
 
 
-@dataclass(frozen=True)
-class Mass:
+class Mass(NamedTuple):
     """Mass, its centre ``[3]`` in the body's frame, the inertia about it along the body's axes (xx, yy, zz, xy, xz, yz), the
     principal moments ``[3]``, and the rotation from their axes to the body's."""
 
@@ -93,20 +90,11 @@ class Body(Still):
 
 
 class World:
-    """A scene of a dataset.
-
-    Attributes:
-        plain: The content of ``scene.json``: what the other files have, and what they have no place for.
-        objects: The objects.
-        still: The table, and the container if there is one.
-        hand: The palm and the fingers, in the grasp frame.
-        gripper: The numbers of the hand by their keys.
-        stroke_m: Way of a finger.
-        middle_m: Half of the workspace's side.
-        damping: A finger's force over its speed.
-        cameras: Poses in the axes of OpenGL, USD and MuJoCo, ``[7]`` each: x right, y up, z backwards.
-        lens: Width, height, fx, fy, cx, cy of every camera, in pixels.
-    """
+    """A scene of a dataset: ``plain``, the content of ``scene.json``; the ``objects``; the table and the container, if there is
+    one, which stand ``still``; palm and fingers of the ``hand`` in the grasp frame, the numbers of its ``gripper``, the way
+    ``stroke_m`` of a finger and its force over its speed, ``damping``; half of the workspace's side, ``middle_m``; poses
+    ``[7]`` of the ``cameras`` in the axes of OpenGL, USD and MuJoCo (x right, y up, z backwards); and their ``lens``: width,
+    height, fx, fy, cx, cy in pixels."""
 
     def __init__(self, dataset: _native.Dataset, info: dict[str, Any], scene_id: int) -> None:
         scene, simulation, self.rows = dataset.scene(scene_id)
@@ -124,20 +112,11 @@ class World:
         self.lens = dataset.intrinsics()
         self.cameras = [singles(*at, w, z, -y, -x) for *at, x, y, z, w in self.rows["workspace_from_camera"]]
         self.objects: list[Body] = []
-        self.plain: dict[str, Any] = {
-            "format": "graspmill-scene/1",
-            "units": UNITS,
-            "frames": FRAMES,
-            "dataset_id": dataset.id,
-            "scene_id": scene_id,
-            "gravity_m_s2": Single(physics["gravity_m_s2"]),
-            "table": {"z_m": table_z_m, "friction": friction},
-            "container": None,
-            "objects": [],
-            "cameras": [self._camera(number, pose) for number, pose in enumerate(self.rows["workspace_from_camera"])],
-            "hand": {"name": simulation.gripper_name, **self.gripper},
-            "attempts": self._attempts(),
-        }
+        self.plain: dict[str, Any] = {"format": "graspmill-scene/1", "units": UNITS, "frames": FRAMES}
+        self.plain |= {"dataset_id": dataset.id, "scene_id": scene_id, "gravity_m_s2": Single(physics["gravity_m_s2"])}
+        self.plain |= {"table": {"z_m": table_z_m, "friction": friction}, "container": None, "objects": []}
+        self.plain["cameras"] = [self._camera(number, pose) for number, pose in enumerate(self.rows["workspace_from_camera"])]
+        self.plain |= {"hand": {"name": simulation.gripper_name, **self.gripper}, "attempts": self._attempts()}
         if scene.container is not None:
             kind, (x_m, y_m, *sizes), _ = scene.container
             lengths = dict(zip(("height_m", "thickness_m", "slope_rad"), singles(*sizes)))
@@ -170,12 +149,12 @@ class World:
         return {"name": f"camera_{number}", "workspace_from_camera": pose, **lens, "vertical_field_of_view_rad": self.field_of_view_rad()}
 
     def _attempts(self) -> list[dict[str, Any]]:
-        keys = ("attempt_id", "object", "workspace_from_grasp", "outcome", "width_m")
-        rows = zip(*(self.rows[key] for key in ("target", "workspace_from_grasp", "outcome", "width_m")))
-        return [
-            dict(zip(keys, (number, f"object_{target}", pose, OUTCOMES[outcome], width_m if width_m == width_m else None)))
-            for number, (target, pose, outcome, width_m) in enumerate(rows)
-        ]
+        keys, rows = ("attempt_id", "object", "workspace_from_grasp", "outcome", "width_m"), []
+        columns = (self.rows[key] for key in ("target", "workspace_from_grasp", "outcome", "width_m"))
+        for number, (target, pose, outcome, width_m) in enumerate(zip(*columns)):
+            row = (number, f"object_{target}", pose, OUTCOMES[outcome], width_m if width_m == width_m else None)
+            rows.append(dict(zip(keys, row)))
+        return rows
 
 
 def _hull(plain: tuple[list[list[float]], list[list[int]]]) -> Hull:

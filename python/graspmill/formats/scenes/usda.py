@@ -60,10 +60,7 @@ def _shape(name: str, shape: Box | Hull, material: str) -> list[str]:
         extent = "float3[] extent = [(-1, -1, -1), (1, 1, 1)]"
         return _prim("Cube", name, schemas, extent, bound, "double size = 2", scale, at, _ops("translate", "scale"))
     corners = shape.corners_m
-    return _prim(
-        "Mesh",
-        name,
-        [schemas[0], "PhysicsMeshCollisionAPI", schemas[1]],
+    surface = [
         f"float3[] extent = [{_tuple(corners.min(axis=0))}, {_tuple(corners.max(axis=0))}]",
         f"int[] faceVertexCounts = [{joined(map(len, shape.faces), ', ')}]",
         f"int[] faceVertexIndices = [{joined(sum(shape.faces, []), ', ')}]",
@@ -71,7 +68,8 @@ def _shape(name: str, shape: Box | Hull, material: str) -> list[str]:
         'uniform token physics:approximation = "convexHull"',
         f"point3f[] points = [{', '.join(map(_tuple, corners))}]",
         'uniform token subdivisionScheme = "none"',
-    )
+    ]
+    return _prim("Mesh", name, [schemas[0], "PhysicsMeshCollisionAPI", schemas[1]], surface)
 
 
 def _material(name: str, friction: np.float32) -> list[str]:
@@ -81,16 +79,13 @@ def _material(name: str, friction: np.float32) -> list[str]:
 
 
 def _body(body: Body, *inside: list[str]) -> list[str]:
-    return _prim(
-        "Xform",
-        body.name,
-        ["PhysicsRigidBodyAPI", "PhysicsMassAPI"],
+    mass = [
         f"point3f physics:centerOfMass = {_tuple(body.mass.centre_m)}",
         f"float3 physics:diagonalInertia = {_tuple(body.mass.moments_kg_m2)}",
         f"float physics:mass = {number(body.mass.mass_kg)}",
         f"quatf physics:principalAxes = {_wxyz(body.mass.axes)}",
-        *inside,
-    )
+    ]
+    return _prim("Xform", body.name, ["PhysicsRigidBodyAPI", "PhysicsMassAPI"], mass, *inside)
 
 
 def _scene(world: World) -> list[str]:
@@ -107,13 +102,11 @@ def _scene(world: World) -> list[str]:
     for item in world.objects:
         parts = (_shape(f"part_{place}", part, f"{materials}/{item.name}") for place, part in enumerate(item.parts.values()))
         prims.append(_body(item, _placed(item.pose), *parts))
-    width, height, fx, fy = map(Single, world.lens[:4])
-    apertures = [
-        f"float {axis}Aperture = {number(Single(Single(FOCAL * size) / focal))}"
-        for axis, size, focal in (("horizontal", width, fx), ("vertical", height, fy))
-    ]
+    lens = ["float2 clippingRange = (0.01, 100)", f"float focalLength = {number(FOCAL)}"]
+    for axis, place in (("horizontal", 0), ("vertical", 1)):
+        size, focal = Single(world.lens[place]), Single(world.lens[place + 2])
+        lens.append(f"float {axis}Aperture = {number(Single(Single(FOCAL * size) / focal))}")
     for camera, pose in enumerate(world.cameras):
-        lens = ["float2 clippingRange = (0.01, 100)", f"float focalLength = {number(FOCAL)}", *apertures]
         prims.append(_prim("Camera", f"camera_{camera}", [], lens, _placed(pose)))
     return _prim("Xform", "World", [], *prims)
 

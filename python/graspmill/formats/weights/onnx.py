@@ -14,9 +14,8 @@ from typing import Any, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import _native
-from ...errors import InputError
-from .._files import number, outside, write as write_file
+from ... import _arrays, _native
+from .._files import module, number, outside, write as write_file
 
 SIDE = 40
 #: Squared lengths are at least this, so that a vector of zeros is not divided by zero.
@@ -118,28 +117,19 @@ class _Graph:
 
 
 def write(checkpoint: str, out: str, force: bool = False) -> str:
-    """Writes a checkpoint's network. Equal checkpoints give equal bytes.
-
-    Args:
-        checkpoint: The checkpoint.
-        out: The file.
-        force: Whether it may replace a file.
-
-    Returns:
-        The network in words.
+    """Writes a checkpoint's network, with ``force`` also in place of a file; returns the network in words. Equal checkpoints
+    give equal bytes.
 
     Raises:
         InputError: If there is no checkpoint, or a file already.
         DataError: If the checkpoint is damaged.
     """
-    try:
-        import onnx  # type: ignore[import-untyped, import-not-found, unused-ignore]
-    except ImportError as error:
-        raise InputError("the format onnx needs the package onnx: pip install graspmill[onnx]") from error
-    helper, words = onnx.helper, _native.checkpoint(checkpoint)
-    header, parameters = _read(checkpoint)
-    if not force and os.path.lexists(out):
-        raise InputError(f"there is a file already: --force replaces it: {out}")
+    onnx, words = module("onnx", "the format onnx", "onnx"), _native.checkpoint(checkpoint)
+    helper = onnx.helper
+    with module("safetensors", "the format onnx", "onnx").safe_open(checkpoint, "np") as file:
+        header: dict[str, Any] = json.loads(file.metadata()["graspmill"])
+        parameters = {name: file.get_tensor(name) for name in sorted(file.keys()) if not name.startswith("adam.")}
+    _arrays.must(force or not os.path.lexists(out), f"there is a file already: --force replaces it: {out}")
     kind, progress = header["architecture"], header["progress"]
     graph = _Graph(helper, parameters)
     facts = {"architecture": kind, "dataset_id": header["dataset_id"], "config": header["config"]}
@@ -175,12 +165,3 @@ def write(checkpoint: str, out: str, force: bool = False) -> str:
     with outside(Path(out)):
         write_file(Path(out), model.SerializeToString(deterministic=True))
     return words
-
-
-def _read(checkpoint: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """The header and the parameters of a checkpoint that is known to be whole."""
-    from safetensors import safe_open
-
-    with safe_open(checkpoint, "np") as file:
-        header: dict[str, Any] = json.loads(file.metadata()["graspmill"])
-        return header, {name: file.get_tensor(name) for name in sorted(file.keys()) if not name.startswith("adam.")}
