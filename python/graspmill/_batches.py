@@ -1,10 +1,14 @@
-"""Batches of samples."""
+"""Batches of samples, and a layer."""
 
 from __future__ import annotations
 
 from typing import TypedDict
 
-from torch import Tensor
+from torch import Tensor, nn
+
+
+def conv(c_in: int, c_out: int, k: int, stride: int = 1) -> nn.Conv3d:
+    return nn.Conv3d(c_in, c_out, k, stride, k // 2)
 
 
 class _Shared(TypedDict, total=False):

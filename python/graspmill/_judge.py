@@ -6,15 +6,14 @@ import json
 import math
 import os
 from pathlib import Path
-from typing import Any, Mapping
+from typing import Any, Mapping, cast
 
-import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from . import _arrays
-from ._batches import GraspCropBatch
+from . import _arrays, _native
+from ._batches import GraspCropBatch, conv
 from .crops import FEATURES
 from .dataset import Dataset
 from .errors import DataError, InputError
@@ -25,14 +24,8 @@ from .scene import OUTCOMES
 _HEADER, _FORMAT_VERSION, _ARCHITECTURE = "graspmill", 1, "hand-judge-1"
 #: Id of a dataset that nobody stated.
 _UNKNOWN = "unknown (imported weights)"
-_NO_PROGRESS = {
-    "epoch": 0,
-    "batch": 0,
-    "step": 0,
-    "confusion": {name: 0 for name in ("true_positive", "false_positive", "true_negative", "false_negative")},
-    "sums_bits": [0, 0, 0, 0],
-    "best_accuracy_bits": None,
-}
+_CONFUSION = dict.fromkeys(("true_positive", "false_positive", "true_negative", "false_negative"), 0)
+_NO_PROGRESS = {"epoch": 0, "batch": 0, "step": 0, "confusion": _CONFUSION, "sums_bits": [0, 0, 0, 0], "best_accuracy_bits": None}
 #: Values before the head: 16 channels of 2 · 5 · 7 positions of the crop and of 3 · 2 · 2 of the context.
 _SEEN, _SEEN_CONTEXT = 16 * 70, 16 * 12
 
@@ -63,9 +56,6 @@ class Judge(nn.Module):
         self.dataset_id: str = trained_for.id if isinstance(trained_for, Dataset) else _UNKNOWN
         self.config: str = "# Trained with PyTorch.\n"
 
-        def conv(c_in: int, c_out: int, k: int, stride: int = 1) -> nn.Conv3d:
-            return nn.Conv3d(c_in, c_out, k, stride, k // 2)
-
         self.conv1, self.conv2, self.conv3, self.reduce = conv(4, 16, 3, 2), conv(16, 32, 3, 2), conv(32, 32, 3), conv(32, 16, 1)
         self.wide1, self.wide2 = conv(3, 16, 3, 2), conv(16, 16, 3, 2)
         self.head1 = conv(_SEEN + _SEEN_CONTEXT + FEATURES, 128, 1)
@@ -91,8 +81,7 @@ class Judge(nn.Module):
 
     def at(self, batch: GraspCropBatch) -> Tensor:
         """Logits of the grasps of a batch, as :meth:`forward` gives them."""
-        logits: Tensor = self(batch["crop"], batch["context"], batch["features"])
-        return logits
+        return cast(Tensor, self(batch["crop"], batch["context"], batch["features"]))
 
     def outcomes(self, batch: GraspCropBatch) -> Tensor:
         """Probabilities of ``graspmill.OUTCOMES``, ``[B, 6]``; the last is that of ``held``. A grasp with ``hits_table``
@@ -107,19 +96,16 @@ class Judge(nn.Module):
             InputError: If the file has the weights of another network.
             DataError: If it is damaged.
         """
-        from safetensors import SafetensorError, safe_open
+        from safetensors import safe_open
 
         path = _arrays.path("path", path)
-        try:
-            with safe_open(path, "pt") as file:
-                header = _header((file.metadata() or {}).get(_HEADER), path)
-                tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith("adam.")}
-        except SafetensorError as error:
-            raise DataError(f"damaged checkpoint: {error}: {path}") from error
-        except FileNotFoundError as error:
-            raise InputError(f"no checkpoint here: {path}") from error
+        _native.checkpoint(path)  # refuses what is not whole
+        with safe_open(path, "pt") as file:
+            header = json.loads(file.metadata()[_HEADER])
+            if (kind := header["architecture"]) != _ARCHITECTURE:
+                raise InputError(f"architecture must be {_ARCHITECTURE!r}, a judge's, got {_arrays.shown(kind)}: {path}")
+            tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith("adam.")}
         judge = cls(header["trained_for"])
-        _check_tensors(tensors, judge.state_dict(), path)
         judge.load_state_dict(tensors, strict=True)
         judge.dataset_id, judge.config = header["dataset_id"], header["config"]
         return judge
@@ -137,16 +123,9 @@ class Judge(nn.Module):
         for name, tensor in tensors.items():
             if off := int((~tensor.isfinite()).sum()):
                 raise DataError(f"{name} must be finite, got {off} values that are not: the training diverged")
-        header = {
-            "format_version": _FORMAT_VERSION,
-            "architecture": _ARCHITECTURE,
-            "trained_for": self.trained_for,
-            "dataset_id": self.dataset_id,
-            "config": self.config,
-            "progress": _NO_PROGRESS,
-            "adam_steps": 0,
-            "made_by": "graspmill.torch",
-        }
+        header = {"format_version": _FORMAT_VERSION, "architecture": _ARCHITECTURE, "trained_for": self.trained_for}
+        header |= {"dataset_id": self.dataset_id, "config": self.config, "progress": _NO_PROGRESS, "adam_steps": 0}
+        header |= {"made_by": "graspmill.torch"}
         text = json.dumps(header, separators=(",", ":"), ensure_ascii=False)
         write(Path(path), save(tensors, {_HEADER: text}))
 
@@ -177,30 +156,3 @@ def _scope(given: Mapping[str, Any], is_dataset: bool) -> dict[str, Any]:
     way = {"pregrasp_distance_m": given["procedure"]["pregrasp_distance_m"], "grid": given["grid"]}
     return {"gripper": hands[0], **several, **way}
 
-
-def _header(text: str | None, path: str) -> dict[str, Any]:
-    """The header of a judge's checkpoint."""
-    if text is None:
-        raise InputError(f"the file must be a checkpoint of graspmill, with the header {_HEADER!r}: {path}")
-    try:
-        header: dict[str, Any] = json.loads(text)
-        kind, version = header["architecture"], header["format_version"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise DataError(f"damaged {_HEADER!r} header: {error}: {path}") from error
-    if kind != _ARCHITECTURE:
-        raise InputError(f"architecture must be {_ARCHITECTURE!r}, a judge's, got {_arrays.shown(kind)}: {path}")
-    if version != _FORMAT_VERSION:
-        raise DataError(f"checkpoint format must be {_FORMAT_VERSION}, got {_arrays.shown(version)}: {path}")
-    if missing := [name for name in ("trained_for", "dataset_id", "config") if name not in header]:
-        raise DataError(f"damaged {_HEADER!r} header: {missing[0]} is missing: {path}")
-    return header
-
-
-def _check_tensors(got: Mapping[str, Tensor], wanted: Mapping[str, Tensor], path: str) -> None:
-    """Refuses weights of another network, and names the first that differs."""
-    for name in sorted({*got, *wanted}):
-        shapes = [list(tensors[name].shape) if name in tensors else "nothing" for tensors in (wanted, got)]
-        if shapes[0] != shapes[1]:
-            raise InputError(f"a checkpoint of another architecture: {name} must be of shape {shapes[0]}, got {shapes[1]}: {path}")
-        if not np.isfinite(got[name].numpy()).all():
-            raise DataError(f"{name} must be finite: the training that wrote it diverged: {path}")

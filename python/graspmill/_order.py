@@ -14,7 +14,7 @@ from typing import Iterable, Iterator, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
+from . import _arrays
 
 #: Scenes that are read together.
 BLOCK = 64
@@ -43,51 +43,30 @@ class Turns(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """The order of a stream's samples.
+    """The order of a stream's samples."""
 
-    Attributes:
-        scenes: First scene and end of each shard.
-        wanted: ``[scenes, attempts]`` bool: what is in the split.
-        batch: Number of samples in a batch.
-        together: The largest number of samples of a scene that stay together.
-        buffer: Number of such groups that are shuffled with each other.
-        shuffle: Whether the order is shuffled.
-        is_mirrored: Whether samples are mirrored at random.
-        seed: Seed of the order.
-        rank: Number of this rank.
-        ranks: Number of ranks.
-        is_even: Whether the batches of an epoch differ by at most one sample; otherwise the last one is smaller.
-        is_shared: Whether a batch is that of all ranks, of which each takes its share.
-    """
-
-    scenes: list[tuple[int, int]]
-    wanted: NDArray[np.bool_]
-    batch: int
-    together: int
-    buffer: int
+    scenes: list[tuple[int, int]]  # first scene and end of each shard
+    wanted: NDArray[np.bool_]  # [scenes, attempts]: what is in the split
+    batch: int  # samples in a batch
+    together: int  # the largest number of samples of a scene that stay together
+    buffer: int  # such groups that are shuffled with each other
     shuffle: bool
-    is_mirrored: bool
+    is_mirrored: bool  # samples at random
     seed: int
     rank: int
     ranks: int
-    is_even: bool
-    is_shared: bool
+    is_even: bool  # the batches of an epoch differ by at most one sample; otherwise the last one is smaller
+    is_shared: bool  # a batch is that of all ranks, of which each takes its share
 
     @cached_property
     def counts(self) -> Numbers:
         """``[scenes]``: samples of each scene."""
-        counts: Numbers = self.wanted.sum(axis=1, dtype=np.int64)
-        return counts
+        return np.asarray(self.wanted.sum(axis=1, dtype=np.int64))
 
     @property
     def runs(self) -> int:
         """Number of parts into which the scenes are cut."""
         return 1 if self.is_shared else self.ranks
-
-    @property
-    def run(self) -> int:
-        """The part of this rank."""
-        return 0 if self.is_shared else self.rank
 
     def block_of(self, scene: int) -> Block:
         """The block in which a scene is stored."""
@@ -132,10 +111,9 @@ class Order:
         share: its samples times the number of ranks, divided by the samples of all.
         """
         turns = self.turns(epoch, workers)
-        own = turns[self.run]
+        own = turns[self.rank % self.runs]
         steps = len(own.size)
-        if start > steps:
-            raise InputError(f"step must be between 0 and {steps}, the steps of the epoch, got {start}")
+        _arrays.must(start <= steps, f"step must be between 0 and {steps}, the steps of the epoch, got {start}")
         if self.is_shared:
             mine = (np.arange(steps) >= start) & ((np.arange(steps) - start) % workers == worker)
             drawn = self._batches(self.blocks(epoch, 0), self._dice(epoch, 0, 0), own.size)
@@ -145,7 +123,7 @@ class Order:
         role = (int(own.worker[start]) + worker) % workers if start < steps else worker
         at = np.flatnonzero(own.worker == role)
         whole = np.sum([one.size for one in turns], axis=0)
-        drawn = self._batches(self.blocks(epoch, self.run)[role::workers], self._dice(epoch, self.run, role), own.size[at])
+        drawn = self._batches(self.blocks(epoch, self.rank)[role::workers], self._dice(epoch, self.rank, role), own.size[at])
         for step, (parts, mirrored) in zip(at, drawn):
             if step >= start:
                 yield Drawn(parts, mirrored, float(own.size[step] * self.ranks / whole[step]))
@@ -154,7 +132,7 @@ class Order:
         """``[scenes]``: how many samples of each scene :meth:`taken` gives."""
         left = np.zeros(len(self.counts), np.int64)
         if start == 0 and not self.is_shared:
-            for _, scenes in self.blocks(epoch, self.run)[worker::workers]:
+            for _, scenes in self.blocks(epoch, self.rank)[worker::workers]:
                 left[scenes.start : scenes.stop] = self.counts[scenes.start : scenes.stop]
             return left
         for drawn in self.taken(epoch, start, worker, workers):
@@ -167,10 +145,9 @@ class Order:
         return np.random.default_rng([self.seed, epoch, *(own if self.runs == 1 else [worker or 0, run])])
 
     def _check(self, steps: int, got: int, least: int) -> None:
-        if steps and got < least:
-            where = "a batch" if self.is_shared else "a rank"
-            rule = f"every rank must have a sample at each of the {steps} steps: {where} must have at least {least} samples"
-            raise InputError(f"{rule}, got {got}: use a larger batch or fewer ranks")
+        where = "a batch" if self.is_shared else "a rank"
+        rule = f"every rank must have a sample at each of the {steps} steps: {where} must have at least {least} samples"
+        _arrays.must(not steps or got >= least, f"{rule}, got {got}: use a larger batch or fewer ranks")
 
     def _worker_counts(self, epoch: int, run: int, workers: int) -> Numbers:
         blocks = self.blocks(epoch, run)

@@ -12,8 +12,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from . import _arrays
-from ._batches import Batch
-from .errors import InputError
+from ._batches import Batch, conv
 
 #: Closing directions that a network with ``head="closings"`` tells apart, over half a turn.
 TURNS = 15
@@ -28,11 +27,8 @@ def behind_tips_m(value: float) -> float:
 class VoxelNetwork(nn.Module):
     """The paper's network, which is VGN's: it predicts a quality, an orientation and an opening for every voxel.
 
-    With ``head="closings"`` the same network answers by closing direction (:meth:`heads`); of these answers
-    :meth:`forward` gives the one at which most grasps hold.
-
-    :meth:`load` reads the weights of ``graspmill weights export --format safetensors``; ``graspmill weights import``
-    reads those of :meth:`save`.
+    With ``head="closings"`` it answers by closing direction (:meth:`heads`), of which :meth:`forward` gives the one at which most
+    grasps hold.
 
     Args:
         upsampling: ``"linear"`` (trilinear, as in the shipped configs) or ``"nearest"``.
@@ -44,25 +40,15 @@ class VoxelNetwork(nn.Module):
     """
 
     def __init__(
-        self,
-        upsampling: Literal["linear", "nearest"] = "linear",
-        *,
-        head: Literal["quaternion", "closings"] = "quaternion",
-        origin_behind_tips_m: float = ORIGIN_BEHIND_TIPS_M,
-        voxel_offset: float = 0.5,
-    ) -> None:
+        self, upsampling: Literal["linear", "nearest"] = "linear", *, head: Literal["quaternion", "closings"] = "quaternion",
+        origin_behind_tips_m: float = ORIGIN_BEHIND_TIPS_M, voxel_offset: float = 0.5,
+    ) -> None:  # fmt: skip
         super().__init__()
-        if head not in ("quaternion", "closings"):
-            raise InputError(f"head must be 'quaternion' or 'closings', got {_arrays.shown(head)}")
-        self.head = head
-        if upsampling not in ("linear", "nearest"):
-            raise InputError(f"upsampling must be 'linear' or 'nearest', got {_arrays.shown(upsampling)}")
-        self.upsampling = upsampling
+        _arrays.one_of("head", head, ("quaternion", "closings"))
+        _arrays.one_of("upsampling", upsampling, ("linear", "nearest"))
+        self.head, self.upsampling = head, upsampling
         self.origin_behind_tips_m = behind_tips_m(origin_behind_tips_m)
         self.voxel_offset = _arrays.number("voxel_offset", voxel_offset, 0.0, 1.0)
-
-        def conv(c_in: int, c_out: int, k: int, stride: int = 1) -> nn.Conv3d:
-            return nn.Conv3d(c_in, c_out, k, stride, k // 2)
 
         self.encoder = nn.ModuleDict({"conv1": conv(1, 16, 5, 2), "conv2": conv(16, 32, 3, 2), "conv3": conv(32, 64, 3, 2)})
         self.decoder = nn.ModuleDict({"conv1": conv(64, 64, 3), "conv2": conv(64, 32, 3), "conv3": conv(32, 16, 5)})
@@ -93,13 +79,11 @@ class VoxelNetwork(nn.Module):
     def heads(self, tsdf: Tensor) -> dict[str, Tensor]:
         """The answers by closing direction, each ``[B, channels, 40, 40, 40]``.
 
-        ``quality_logit`` and ``width`` (voxels) have 3 channels a, b, c of a + b cos 2t + c sin 2t at turn t;
-        ``approach`` is a unit vector; ``turn_logits`` are of 15 turns over half a turn, of which the softmax says how
-        likely each is that of a grasp that holds; ``tips`` is the point between the finger tips from the middle of the
-        voxel, in voxels.
+        ``quality_logit`` and ``width`` (voxels) have 3 channels a, b, c of a + b cos 2t + c sin 2t at turn t; ``approach`` is a
+        unit vector; ``turn_logits`` are of 15 turns over half a turn, of which the softmax says how likely each is that of a
+        grasp that holds; ``tips`` is the point between the finger tips from the middle of the voxel, in voxels.
         """
-        if self.head != "closings":
-            raise InputError("the network has the paper's head: heads are those of head='closings'")
+        _arrays.must(self.head == "closings", "the network has the paper's head: heads are those of head='closings'")
         x = self.features(tsdf)
         names = ("quality_logit", "approach", "turn_logits", "width", "tips")
         layers = (self.conv_qual, self.conv_approach, self.conv_turn, self.conv_width, self.conv_tips)
@@ -120,14 +104,12 @@ class VoxelNetwork(nn.Module):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], upsampling: Literal["linear", "nearest"] | None = None) -> VoxelNetwork:
-        """The network with the weights, the upsampling and the origin of a file.
+        """The network with the weights, the upsampling and the origin of a file; or with another upsampling.
 
         Args:
-            path: A safetensors file of ``graspmill weights export`` or of :meth:`save`; or a state dict of
-                ``torch.save``, alone or under ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither
-                upsampling nor origin, so VGN's are used: nearest upsampling, and the origin 50 mm behind the finger
-                tips, in the lower corner of its voxel.
-            upsampling: The upsampling, in place of the file's.
+            path: A safetensors file of ``graspmill weights export --format safetensors`` or of :meth:`save`; or a state dict of
+                ``torch.save``, alone or under ``"state_dict"``, ``"model_state_dict"`` or ``"model"``, with VGN's nearest
+                upsampling, and its origin 50 mm behind the finger tips, in the lower corner of its voxel.
         """
         stated: dict[str, Any] = {}
         with open(path, "rb") as file:
@@ -153,8 +135,7 @@ class VoxelNetwork(nn.Module):
         """Writes the weights for ``graspmill weights import``."""
         from safetensors.torch import save_file
 
-        names = ("upsampling", "origin_behind_tips_m", "voxel_offset")
-        stated = {name: str(getattr(self, name)) for name in names}
+        stated = {name: str(getattr(self, name)) for name in ("upsampling", "origin_behind_tips_m", "voxel_offset")}
         save_file({name: tensor.contiguous() for name, tensor in self.state_dict().items()}, os.fspath(path), stated)
 
 
@@ -162,15 +143,13 @@ def _state_dict(saved: Any) -> dict[str, Tensor]:
     """The tensors of a saved state dict, without the name prefixes of wrappers."""
     for name in ("state_dict", "model_state_dict", "model"):
         saved = saved.get(name, saved) if isinstance(saved, dict) else saved
-    if not isinstance(saved, dict):
-        raise InputError(f"the file must hold a state dict, it holds {_arrays.shown(type(saved).__name__)}")
+    _arrays.must(isinstance(saved, dict), f"the file must hold a state dict, it holds {_arrays.shown(type(saved).__name__)}")
     return {re.sub(r"^(module\.|_orig_mod\.)+", "", str(name)): tensor for name, tensor in saved.items()}
 
 
 def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tensor:
-    """The paper's loss (Eq. 1 to 5), a scalar: the cross-entropy of the quality and, for held grasps, the distance of
-    the orientation to the grasp or its half turn, whichever is nearer, plus 0.01 times the squared error of the opening
-    in voxels."""
+    """The paper's loss (Eq. 1 to 5), a scalar: the cross-entropy of the quality and, for held grasps, the distance of the
+    orientation to the grasp or its half turn, whichever is nearer, plus 0.01 times the squared error of the opening in voxels."""
     label, target = batch["label"], batch["rotation"]
     x, y, z, w = target.unbind(1)
     turned = torch.stack([y, -x, w, -z], dim=1)
@@ -180,14 +159,10 @@ def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tens
 
 
 def closings_loss(heads: dict[str, Tensor], batch: Batch) -> Tensor:
-    """The trainer's loss of a network with ``head="closings"``, a scalar: the cross-entropy of the quality at the closing
-    direction that was tried and, for held grasps, 1 minus the cosine between the approaches, 0.3 times the cross-entropy
-    of the closing direction, 0.01 times the squared error of the opening and 0.03 times that of the tips, in voxels.
-
-    Args:
-        heads: :meth:`VoxelNetwork.heads_at` of the batch.
-        batch: The batch.
-    """
+    """The trainer's loss of :meth:`VoxelNetwork.heads_at` with ``head="closings"``, a scalar: the cross-entropy of the quality at
+    the closing direction that was tried and, for held grasps, 1 minus the cosine between the approaches, 0.3 times the
+    cross-entropy of the closing direction, 0.01 times the squared error of the opening and 0.03 times that of the tips, in
+    voxels."""
     label, rotation = batch["label"], batch["rotation"]
     x, y, z, w = rotation.unbind(1)
     approach = torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], dim=1)

@@ -32,18 +32,9 @@ from ._judge import Judge, judge_loss
 from ._voxel_network import ORIGIN_BEHIND_TIPS_M, VoxelNetwork, behind_tips_m, closings_loss, loss
 
 __all__ = [
-    "Batch",
-    "GraspCropBatch",
-    "GraspCropDataset",
-    "GraspCropStream",
-    "GraspDataset",
-    "GraspStream",
-    "Judge",
-    "VoxelNetwork",
-    "closings_loss",
-    "judge_loss",
-    "loss",
-]
+    "Batch", "GraspCropBatch", "GraspCropDataset", "GraspCropStream", "GraspDataset", "GraspStream", "Judge", "VoxelNetwork",
+    "closings_loss", "judge_loss", "loss",
+]  # fmt: skip
 
 Split = Literal["train", "test", "test-attempts", "test-scenes", "all"]
 
@@ -60,36 +51,24 @@ class _Samples:
     """The samples of a split, by scene: voxels, or crops of grasps."""
 
     def __init__(
-        self,
-        path: str | os.PathLike[str] | Dataset,
-        split: Split,
-        by: Literal["attempt", "scene"],
-        test_share: float,
-        other_share: float,
-        seed: int,
-        has_crops: bool,
-        origin_behind_tips_m: float | None,
-    ) -> None:
+        self, path: str | os.PathLike[str] | Dataset, split: Split, by: Literal["attempt", "scene"], test_share: float,
+        other_share: float, seed: int, has_crops: bool, origin_behind_tips_m: float | None,
+    ) -> None:  # fmt: skip
         self.has_crops = has_crops
-        if has_crops and origin_behind_tips_m is not None:
-            raise InputError("crops are cut at the grasp itself: origin_behind_tips_m must be left out")
+        _arrays.must(not has_crops or origin_behind_tips_m is None, "crops are cut at the grasp itself: origin_behind_tips_m must be left out")
         self.origin_behind_tips_m = behind_tips_m(ORIGIN_BEHIND_TIPS_M if origin_behind_tips_m is None else origin_behind_tips_m)
         self._crops: _native.Crops | None = None
         self.dataset = path if isinstance(path, Dataset) else Dataset(path)
-        if by not in ("attempt", "scene"):
-            raise InputError(f"by must be 'attempt' or 'scene', got {_arrays.shown(by)}")
+        _arrays.one_of("by", by, ("attempt", "scene"))
+        _arrays.one_of("split", split, ("train", "test", "test-attempts", "test-scenes", "all"))
         shares = [_arrays.number(name, value, 1e-9, 0.45) for name, value in (("test_share", test_share), ("other_share", other_share))]
         native = self.dataset._native
         seed = _arrays.whole("seed", seed, 0, 2**63 - 1)
         self.marks: NDArray[np.uint8] = native.split(seed, by, shares, has_crops, self.origin_behind_tips_m)
-        name = f"test-{by}s" if split == "test" else split
-        if not isinstance(split, str) or name not in {*_SETS, "all"}:
-            raise InputError(f"split must be one of train, test, test-attempts, test-scenes, all, got {_arrays.shown(split)}")
-        self.wanted = self.marks > 0 if name == "all" else self.marks == _SETS[name]
+        self.wanted = self.marks > 0 if split == "all" else self.marks == _SETS[f"test-{by}s" if split == "test" else split]
         info = self.dataset.info
-        self.per_scene = int(info["attempts_per_scene"])
-        self.voxel_m = info["grid"]["size_m"] / info["grid"]["resolution"]
-        self.side = int(info["grid"]["resolution"])
+        self.per_scene, self.side = int(info["attempts_per_scene"]), int(info["grid"]["resolution"])
+        self.voxel_m = info["grid"]["size_m"] / self.side
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_crops": None}
@@ -124,14 +103,8 @@ class _Samples:
             self._crops = self._crops or self.dataset._native.crops()
             numbers = np.stack([scene.astype(np.uint32), rows["gripper"], rows["views"], mirrored], axis=1)
             seen = cut(self._crops, grids, rows["pose"], numbers)
-            arrays: dict[str, NDArray[Any]] = {
-                "crop": np.moveaxis(seen.crop, 4, 1),
-                "context": np.moveaxis(seen.context, 4, 1),
-                "features": seen.features,
-                "outcome": rows["outcome"],
-                "label": rows["label"],
-                "hits_table": seen.hits_table,
-            }
+            arrays: dict[str, NDArray[Any]] = {name: np.moveaxis(getattr(seen, name), 4, 1) for name in ("crop", "context")}
+            arrays |= {"features": seen.features, "outcome": rows["outcome"], "label": rows["label"], "hits_table": seen.hits_table}
         else:
             arrays = {"tsdf": grids, "scene": scene.astype(np.int64), "rotation": rows["pose"][:, 3:].copy()}
             arrays |= {name: rows[name] for name in ("voxel", "label", "width", "tips")}
@@ -144,16 +117,9 @@ class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
     _has_crops: bool
 
     def __init__(
-        self,
-        path: str | os.PathLike[str] | Dataset,
-        split: Split = "train",
-        *,
-        by: Literal["attempt", "scene"] = "attempt",
-        test_share: float = 0.1,
-        other_share: float = 0.03,
-        seed: int = 1,
-        origin_behind_tips_m: float | None = None,
-    ) -> None:
+        self, path: str | os.PathLike[str] | Dataset, split: Split = "train", *, by: Literal["attempt", "scene"] = "attempt",
+        test_share: float = 0.1, other_share: float = 0.03, seed: int = 1, origin_behind_tips_m: float | None = None,
+    ) -> None:  # fmt: skip
         self._samples = _Samples(path, split, by, test_share, other_share, seed, self._has_crops, origin_behind_tips_m)
         self._places = np.nonzero(self._samples.wanted)[0]
 
@@ -167,29 +133,26 @@ class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
         dataset = self._samples.dataset
         shard = bisect_right(range(dataset.shard_count), scene, key=lambda shard: dataset._native.scenes_of(shard)[1])
         grids, where, rows = self._samples.read(shard, [scene])
-        row = where[0, attempt]
-        one = {name: values[row : row + 1] for name, values in rows.items()}
+        one = {name: values[[where[0, attempt]]] for name, values in rows.items()}
         batch = self._samples.batch(grids, np.zeros(1, np.intp), one, np.zeros(1, np.uint32))
         return {name: values[0] for name, values in batch.items() if name != "scene"}
 
 
 class GraspDataset(_Items):
-    """Samples by index: ``tsdf`` ``[1, 40, 40, 40]``, ``voxel`` ``[3]``, ``label``, ``rotation`` ``[4]``, ``width``,
-    ``tips`` ``[3]``.
+    """Samples by index: ``tsdf`` ``[1, 40, 40, 40]``, ``voxel`` ``[3]``, ``label``, ``rotation`` ``[4]``, ``width``, ``tips``
+    ``[3]``.
 
     Each item decodes a scene. :class:`GraspStream` decodes a scene once for several samples and is many times faster.
 
     Args:
         path: A dataset, or its folder or URL.
-        split: ``"train"``, ``"test"`` (the test set that ``by`` selects), ``"test-attempts"``, ``"test-scenes"`` or
-            ``"all"``.
+        split: ``"train"``, ``"test"`` (the test set that ``by`` selects), ``"test-attempts"``, ``"test-scenes"`` or ``"all"``.
         by: Whether the test set is of single attempts, as in the paper, or of whole scenes.
         test_share: Share of all samples in that test set.
         other_share: Share of all samples in the other test set.
         seed: Seed of the split; 1 in the trainer's recipes.
-        origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach; it decides
-            which voxel a grasp belongs to (``network.origin_behind_tips_m`` of a recipe). By default 0.05, as in the
-            shipped recipes.
+        origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach; it decides which
+            voxel a grasp belongs to (``network.origin_behind_tips_m`` of a recipe). By default 0.05, as in the shipped recipes.
     """
 
     _has_crops = False
@@ -207,19 +170,16 @@ class GraspCropDataset(_Items):
 class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     """Batches in a shuffled order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``.
 
-    Each worker reads blocks of scenes in a seeded order and shuffles scenes in a buffer. The order depends on the seed,
-    the epoch and the number of workers alone. A worker holds at most ``buffer_scenes`` grids of a quarter of a megabyte
-    and a block of 64 scenes. Further arguments are those of :class:`GraspDataset`; the seed is also the order's.
+    Each worker reads blocks of 64 scenes in an order that depends on the seed, the epoch and the number of workers alone, and
+    shuffles scenes in a buffer. Further arguments are those of :class:`GraspDataset`; the seed is also the order's.
 
     **Several ranks.** Where ``torch.distributed`` is initialised, or with ``rank`` and ``world_size``, an epoch has every
-    sample once over all ranks, and every rank has the same number of steps. Nothing is dropped or repeated: batches
-    differ by a sample or so instead, and their ``share`` says how much a rank's mean loss counts. Each rank reads its own
-    shards, and of shards at the border between two ranks its own scenes; all ranks must have the same number of workers.
-    With ``global_batch`` the batches are the same for every number of ranks and workers.
+    sample once over all ranks, and every rank has the same number of steps: batches differ by a sample or so, and their
+    ``share`` says how much a rank's mean loss counts. Each rank reads its own shards or scenes, and all must have the same
+    number of workers. With ``global_batch`` the batches are the same for every number of ranks and workers.
 
     Args:
         path: A dataset, or its folder or URL (for workers and a URL: ``multiprocessing_context="spawn"``).
-        split: See :class:`GraspDataset`.
         batch: Number of samples in a batch; of several ranks, in that of a rank.
         samples_per_scene: The largest number of samples of a scene that stay together and share its grid; by default 8,
             or ``batch`` if that is smaller.
@@ -237,30 +197,19 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     _has_crops: bool
 
     def __init__(
-        self,
-        path: str | os.PathLike[str] | Dataset,
-        split: Split = "train",
-        *,
-        batch: int = 48,
-        samples_per_scene: int | None = None,
-        buffer_scenes: int = 512,
-        shuffle: bool = True,
-        by: Literal["attempt", "scene"] = "attempt",
-        test_share: float = 0.1,
-        other_share: float = 0.03,
-        seed: int = 1,
-        origin_behind_tips_m: float | None = None,
-        rank: int | None = None,
-        world_size: int | None = None,
+        self, path: str | os.PathLike[str] | Dataset, split: Split = "train", *, batch: int = 48,
+        samples_per_scene: int | None = None, buffer_scenes: int = 512, shuffle: bool = True,
+        by: Literal["attempt", "scene"] = "attempt", test_share: float = 0.1, other_share: float = 0.03, seed: int = 1,
+        origin_behind_tips_m: float | None = None, rank: int | None = None, world_size: int | None = None,
         global_batch: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._samples = _Samples(path, split, by, test_share, other_share, seed, self._has_crops, origin_behind_tips_m)
         self.batch = _arrays.whole("batch", batch, 1, 1_000_000)
         together = min(8, self.batch) if samples_per_scene is None else samples_per_scene
         self.samples_per_scene = _arrays.whole("samples_per_scene", together, 1, self.batch)
         self.buffer_scenes = _arrays.whole("buffer_scenes", buffer_scenes, 1, 1_000_000)
-        self.shuffle, self.seed, self.epoch = _arrays.flag("shuffle", shuffle), seed, 0
-        self.global_batch, self.step = _arrays.flag("global_batch", global_batch), 0
+        self.shuffle, self.global_batch = _arrays.flag("shuffle", shuffle), _arrays.flag("global_batch", global_batch)
+        self.seed, self.epoch, self.step = seed, 0, 0
         self._workers: int | None = None
         place = _place(rank, world_size)
         self.rank, self.world_size = place or (0, 1)
@@ -271,20 +220,13 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         native, samples = self._samples.dataset._native, self._samples
         # The last scene may have fewer attempts than the others.
         missing = -len(samples.wanted) % samples.per_scene
+        wanted = np.pad(samples.wanted, (0, missing)).reshape(-1, samples.per_scene)
         return Order(
-            scenes=[native.scenes_of(shard) for shard in range(samples.dataset.shard_count)],
-            wanted=np.pad(samples.wanted, (0, missing)).reshape(-1, samples.per_scene),
-            batch=self.batch,
-            together=self.samples_per_scene,
-            buffer=self.buffer_scenes,
-            shuffle=self.shuffle,
-            is_mirrored=self._has_crops and self.shuffle,
-            seed=self.seed,
-            rank=self.rank,
-            ranks=self.world_size,
-            is_even=self._is_one_of_several,
-            is_shared=self.global_batch,
-        )
+            [native.scenes_of(shard) for shard in range(samples.dataset.shard_count)], wanted, self.batch,
+            together=self.samples_per_scene, buffer=self.buffer_scenes, shuffle=self.shuffle,
+            is_mirrored=self._has_crops and self.shuffle, seed=self.seed, rank=self.rank, ranks=self.world_size,
+            is_even=self._is_one_of_several, is_shared=self.global_batch,
+        )  # fmt: skip
 
     def set_epoch(self, epoch: int, step: int = 0) -> None:
         """Sets the epoch, from 0, and the step at which it begins; each epoch has another order."""
@@ -302,15 +244,10 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         return len(self._order.turns(self.epoch, max(workers, 1))[0].size)
 
     def state_dict(self, step: int, workers: int = 0) -> dict[str, Any]:
-        """Where the stream is after so many steps of its epoch: numbers and texts, for a checkpoint.
-
-        Args:
-            step: Number of batches that were used in this epoch; a DataLoader has read more.
-            workers: ``num_workers`` of the DataLoader.
-        """
-        step = _arrays.whole("step", step, 0, 2**31)
-        workers = _arrays.whole("workers", workers, 0, 1024)
-        return {"epoch": self.epoch, "step": step, "workers": workers, **self._identity()}
+        """Where the stream is after so many steps of its epoch, numbers and texts, for a checkpoint. ``step`` counts the batches
+        that were used; a DataLoader with this ``num_workers`` has read more."""
+        place = {"step": _arrays.whole("step", step, 0, 2**31), "workers": _arrays.whole("workers", workers, 0, 1024)}
+        return {"epoch": self.epoch, **place, **self._identity()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Goes on where a stream was: the next pass begins after the steps that were done. It reads what it needs alone.
@@ -324,9 +261,8 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         if not isinstance(state, Mapping) or set(state) != set(own):
             raise InputError(f"state must be that of state_dict, with {', '.join(sorted(own))}, got {_arrays.shown(state)}")
         for name, value in self._identity().items():
-            if state[name] != value and (name != "ranks" or state["step"]):
-                differs = f"{name} must be {_arrays.shown(value)}, got {_arrays.shown(state[name])}"
-                raise InputError(f"state must be of the same order: {differs}")
+            if (had := state[name]) != value and (name != "ranks" or state["step"]):
+                raise InputError(f"state must be of the same order: {name} must be {_arrays.shown(value)}, got {_arrays.shown(had)}")
         self.set_epoch(state["epoch"], state["step"])
         self._workers = None if self.global_batch else _arrays.whole("workers", state["workers"], 0, 1024)
 

@@ -123,7 +123,7 @@ def test_what_is_no_judge_is_refused_and_named(tmp_path):
     with pytest.raises(graspmill.DataError, match="damaged checkpoint"):
         gt.Judge.load(bad)
     rewritten(judge, bad, drop=["conv2.bias"])
-    with pytest.raises(graspmill.InputError, match=r"conv2.bias must be of shape \[32\], got nothing"):
+    with pytest.raises(graspmill.InputError, match="conv2.bias is missing"):
         gt.Judge.load(bad)
     rewritten(judge, bad, lambda stored: stored.update(format_version=2))
     with pytest.raises(graspmill.DataError, match="checkpoint format must be 1, got 2"):

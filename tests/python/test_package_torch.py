@@ -298,7 +298,7 @@ def test_thirty_lines_of_pytorch_learn(dataset):
 
 def test_what_is_wrong_is_named(dataset):
     for match, arguments in (
-        ("split must be one of", {"split": "validation"}),
+        ("split must be", {"split": "validation"}),
         ("by must be", {"by": "shape"}),
         ("test_share must be between", {"test_share": 0.9}),
         ("batch must be between", {"batch": 0}),
