@@ -37,25 +37,17 @@ _ODD = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, Rec
 
 
 class ServedPlanner:
-    """Asks a server, first what it is.
+    """Asks a server, first what it is, and waits no longer for an answer than ``patience_s``. ``tip_depth_m`` is from a grasp's
+    origin along its approach to the end of the finger tips; by default what ``/config`` says."""
 
-    Args:
-        url: The address of its ``/predict``.
-        patience_s: Longest wait for an answer.
-        tip_depth_m: From a grasp's origin along its approach to the end of the finger tips; by default what ``/config`` says.
-    """
-
-    def __init__(self, url: str, patience_s: float, tip_depth_m: float | None = None) -> None:
-        self._name, self._url, self._patience_s = f"--planner {url}", quote(url, safe=string.punctuation), patience_s
-        try:
+    def __init__(self, url: str, patience_s: int, tip_depth_m: float | None = None) -> None:
+        self._name, self._url = f"--planner {url}", quote(url, safe=string.punctuation)
+        self._patience_s = _arrays.whole("--planner-timeout-s", patience_s, 1, 3600)
+        rule = f"{self._name}: must be an address that begins with http:// or https://, such as http://127.0.0.1:8000/predict"
+        with _arrays.read_as(rule, url):
             parts = urlsplit(self._url)
-            self._server, is_address = (parts.hostname or "", parts.port), bool(parts.scheme and parts.hostname)
-        except ValueError:
-            is_address = False
-        if not is_address:
-            raise InputError(f"{self._name}: must be an address, such as http://127.0.0.1:8000/predict")
-        if parts.scheme not in ("http", "https"):
-            raise InputError(f"{self._name}: must begin with http:// or https://")
+            self._server = parts.hostname or "", parts.port
+        _arrays.must(parts.scheme in ("http", "https") and parts.hostname, rule)
         self._kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
         try:
             text = self._ask(urljoin(self._url, "config")) or b"{}"
@@ -70,10 +62,9 @@ class ServedPlanner:
         except _ODD as error:
             raise InputError(f"{self._name}: /config must be JSON as the contract has it: {error}") from error
         if tip_depth_m is not None:
-            tips_m = np.float32(tip_depth_m)
+            tips_m = np.float32(_arrays.number("--tip-depth", tip_depth_m, -1, 1))
         elif "fingertip_depth" not in said:
-            missing = "its /config does not say where the finger tips are (fingertip_depth): give --tip-depth"
-            raise InputError(f"{self._name}: {missing}")
+            raise InputError(f"{self._name}: its /config does not say where the finger tips are (fingertip_depth): give --tip-depth")
         # Our axes (z approaches, y closes) in the server's.
         self._axes, self._tips_m = np.column_stack([np.cross(jaw, approach), jaw, approach]), approach * tips_m
         if not _are_rotations(self._axes[None])[0]:
@@ -84,21 +75,15 @@ class ServedPlanner:
     def __call__(self, look: Look) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Poses, scores and widths of what it answers, without the hands that failed."""
         objects, rest = look.clouds()
-        first = look.cameras[0].workspace_from_camera
-        rows = [np.empty((0, 9))]
+        first, rows = look.cameras[0].workspace_from_camera, [np.empty((0, 9))]
+        always = {"num_grasps": GRASPS, "down": look.down.tolist(), "eye_m": [0.0] * 3 if first is None else first[:3, 3].tolist()}
         for number, points in enumerate(objects):
-            if len(points) < self._points_min:
-                continue
-            thing = _thinned(points, self._points_max // 2)
-            scene = np.concatenate([*objects[:number], *objects[number + 1 :], rest])
-            request = {
-                "point_cloud": _encoded(thing),
-                "scene_points": _encoded(_thinned(scene, self._points_max - len(thing))),
-                "num_grasps": GRASPS,
-                "down": look.down.tolist(),
-                "eye_m": [0.0] * 3 if first is None else first[:3, 3].tolist(),
-            }
-            rows.append(self._grasps(self._ask(self._url, json.dumps(request).encode()), look.gripper.opening_m_max))
+            if len(points) >= self._points_min:
+                thing = _thinned(points, self._points_max // 2)
+                scene = np.concatenate([*objects[:number], *objects[number + 1 :], rest])
+                clouds = {"point_cloud": thing, "scene_points": _thinned(scene, self._points_max - len(thing))}
+                request = json.dumps({**{name: _encoded(cloud) for name, cloud in clouds.items()}, **always})
+                rows.append(self._grasps(self._ask(self._url, request.encode()), look.gripper.opening_m_max))
         found = np.concatenate(rows)
         new = found[[not _is_like(pose, look.failed) for pose in _arrays.matrices(found[:, :7])]]
         return new[:, :7], new[:, 7], new[:, 8]
@@ -182,8 +167,7 @@ def _numbers(value: Any, *shape: int) -> Any:
 
 def _are_rotations(turns: NDArray[np.float64]) -> NDArray[np.bool_]:
     off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    are: NDArray[np.bool_] = (off < RIGID) & (np.linalg.det(turns) > 0)
-    return are
+    return np.asarray((off < RIGID) & (np.linalg.det(turns) > 0))
 
 
 def _thinned(points: NDArray[np.float32], count_max: int) -> NDArray[np.float32]:

@@ -274,8 +274,8 @@ def test_what_cannot_be_is_refused_and_nothing_of_others_is_touched(vgn, points,
         (tmp_path, "vgn", tmp_path / "new", (), 78, ""),
         (DATASET, "parquet", tmp_path / "new", ("--scenes", "3"), 78, "scenes may be selected of mjcf, urdf and usda, got parquet"),
         (DATASET, "mjcf", tmp_path / "new", ("--scenes", "3-10000"), 78, "scenes must be below the number of scenes"),
-        (DATASET, "mjcf", tmp_path / "new", ("--scenes", "9-3"), 2, "the range `9-3` is empty"),
-        (DATASET, "mjcf", tmp_path / "new", ("--scenes=-3",), 2, "such as 0-9,17, got ``"),
+        (DATASET, "mjcf", tmp_path / "new", ("--scenes", "9-3"), 78, "must be ranges that are not empty, got `9-3`"),
+        (DATASET, "mjcf", tmp_path / "new", ("--scenes=-3",), 78, "such as 0-9,17, got `-3`"),
         (DATASET, "hdf5", tmp_path / "new", (), 2, "hdf5"),
     ]:
         done = export(dataset, form, out, *more)

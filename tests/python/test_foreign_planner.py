@@ -200,7 +200,7 @@ def test_what_is_not_known_of_a_planner_is_asked_for(tmp_path):
         assert "unit axes at right angles" in run(tmp_path / "c", "--planner", url, code=78).stderr
     with planner(lambda _: grasps(), b"<html>") as (url, _):
         assert "/config must be JSON" in run(tmp_path / "d", "--planner", url, code=78).stderr
-    assert "must begin with http" in run(tmp_path / "e", "--planner", "ftp://here", code=78).stderr
+    assert "must be an address" in run(tmp_path / "e", "--planner", "ftp://here", code=78).stderr
     assert "must be an address" in run(tmp_path / "f", "--planner", "here", code=78).stderr
     # The server is gone: nothing was begun.
     assert "the server cannot be reached" in run(tmp_path / "g", "--planner", url, code=75).stderr

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use crate::mesh::Mesh;
 use crate::mesh_file::{BYTES_MAX, ending, read_mesh_of, unusable};
 
-/// What the package made of a description (`python/graspmill/formats/objects`).
+/// What the package made of a description (`python/graspmill/formats/objects.py`).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Described {

@@ -11,12 +11,13 @@ import fcntl
 import inspect
 import json
 import os
+import re
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Callable, Iterator
 
-from .. import _native
+from .. import _arrays, _native
 from ..dataset import Dataset
 from ..errors import InputError, OutsideError
 from . import scenes
@@ -34,31 +35,19 @@ def selected(text: str) -> list[range]:
     """Scenes by their numbers and ranges, such as ``0-9,17``."""
     ranges = []
     for some in text.split(","):
-        ends = [end.strip() for end in some.split("-", 1)]
-        wrong = next((end for end in ends if not (end.isascii() and end.isdigit())), None)
-        if wrong is not None:
-            raise InputError(f"must be scenes' numbers and ranges, such as 0-9,17, got `{wrong}`")
-        ranges.append(range(int(ends[0]), int(ends[-1]) + 1))
-        if not ranges[-1]:
-            raise InputError(f"the range `{some}` is empty")
+        if (found := re.fullmatch(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?", some)) is None:
+            raise InputError(f"scenes must be numbers and ranges, such as 0-9,17, got `{some}`")
+        ranges.append(range(int(found[1]), int(found[2] or found[1]) + 1))
+        _arrays.must(ranges[-1], f"scenes must be ranges that are not empty, got `{some}`")
     return ranges
 
 
 def export(
     dataset: Dataset, form: str, out: str, chosen: list[range] | None = None, done: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Writes a dataset in another format to an empty or new folder, or continues an interrupted equal export. A complete
-    export is not changed.
-
-    Args:
-        dataset: The dataset.
-        form: One of :data:`FORMATS`.
-        out: The folder.
-        chosen: Which scenes, of formats for simulators; by default all.
-        done: Called with numbers of scenes that are done.
-
-    Returns:
-        The content of ``export.json``.
+    """Writes a dataset in one of :data:`FORMATS` to an empty or new folder, or continues an interrupted equal export; a
+    complete one is not changed. Returns the content of ``export.json``. Of formats for simulators some scenes may be
+    chosen; ``done`` is called with numbers of scenes that are done.
 
     Raises:
         InputError: If the dataset does not fit the format, or the folder holds something else.
@@ -66,14 +55,10 @@ def export(
     """
     folder, info, is_of_scenes = Path(out), dataset.info, form in scenes.FORMATS
     last = max((some[-1] for some in chosen or ()), default=-1)
-    if "://" in out:
-        raise InputError(f"the export must go to a folder on a disk, got {out}: export there, then copy the files")
-    if folder.is_file():
-        raise InputError(f"the export must go to a folder, got a file: {out}")
-    if last >= dataset.scene_count:
-        raise InputError(f"scenes must be below the number of scenes, {dataset.scene_count}, got {last}")
-    if chosen and not is_of_scenes:
-        raise InputError(f"scenes may be selected of mjcf, urdf and usda, got {form}")
+    _arrays.must("://" not in out, f"the export must go to a folder on a disk, got {out}: export there, then copy the files")
+    _arrays.must(not folder.is_file(), f"the export must go to a folder, got a file: {out}")
+    _arrays.must(last < dataset.scene_count, f"scenes must be below the number of scenes, {dataset.scene_count}, got {last}")
+    _arrays.must(is_of_scenes or not chosen, f"scenes may be selected of mjcf, urdf and usda, got {form}")
     if form == "vgn":
         vgn.check(info)
     numbers = sorted({number for some in chosen or [range(dataset.scene_count)] for number in some})
@@ -85,11 +70,10 @@ def export(
     with outside(folder), _locked(folder):
         told = _begun(folder, origin)
         if told is None:
-            if is_of_scenes:
-                counts = scenes.write(dataset._native, info, form, numbers, folder, done)
-            else:
-                counts = FORMATS[form].write(dataset, folder, done)
-            pages = [inspect.getdoc(module) or "" for module in ([FORMATS[form], scenes] if is_of_scenes else [FORMATS[form]])]
+            rows = (dataset._native, info, form, numbers) if is_of_scenes else (dataset,)
+            modules = [FORMATS[form], *[scenes] * is_of_scenes]
+            counts = modules[-1].write(*rows, folder, done)
+            pages = [inspect.getdoc(module) or "" for module in modules]
             write(folder / "README.md", "# " + "\n\n".join([*pages, SOURCE.format(**origin)]) + "\n")
             told = {"origin": origin, "counts": {key: counts.get(key, 0) for key in COUNTS}}
             write(folder / DONE, as_json(told) + "\n")
@@ -129,8 +113,7 @@ def _begun(folder: Path, origin: dict[str, Any]) -> dict[str, Any] | None:
             why = "" if there == origin else other
         except (ValueError, KeyError, TypeError):
             why = "what it says about its export is damaged"
-    if why:
-        raise InputError(f"{why}: give an empty or a new folder: {folder}")
+    _arrays.must(not why, f"{why}: give an empty or a new folder: {folder}")
     if not mark:
         write(folder / BEGUN, as_json(origin) + "\n")
     return read if mark == DONE else None
