@@ -40,7 +40,7 @@ pub(crate) fn built_in_names() -> String {
 }
 
 /// Smallest and largest mass.
-pub(crate) const MASS_KG: [f32; 2] = [1e-3, 100.0];
+pub(crate) const MASS_KG: [f32; 2] = [1e-4, 100.0];
 
 /// Number of points on an ellipsoid.
 const ELLIPSOID_POINTS: usize = 60;

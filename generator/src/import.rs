@@ -269,7 +269,7 @@ impl Import<'_> {
         if !(least..=most).contains(&object.mass_kg) {
             let (mass_g, longest_mm) = (object.mass_kg * 1e3, measured.extents_m.max_element() * 1e3);
             return Err(unusable(format!(
-                "its mass must be between {:.0} g and {most} kg, got {mass_g:.3} g: it is {longest_mm:.1} mm long with {} m a unit; \
+                "its mass must be between {:.1} g and {most} kg, got {mass_g:.3} g: it is {longest_mm:.1} mm long with {} m a unit; \
                  give --scale, or --mass: {}",
                 least * 1e3,
                 object.scale_m,

@@ -100,8 +100,9 @@ def _table_gaps(grasps: list[Pose], boxes: list[HandBox], table_z_m: float) -> n
 
 
 def _verdict(gaps: dict[str, np.ndarray]) -> GateResult:
-    """`gaps` (6,) by what may be hit, in order of precedence: of the boxes at pre-grasp, then of their sweeps."""
-    parts = slice(0, 3), slice(3, 6)
+    """`gaps` (2 x boxes,) by what may be hit, in order of precedence: of the boxes at pre-grasp, then of their sweeps."""
+    half = len(gaps["target"]) // 2
+    parts = slice(0, half), slice(half, None)
     pregrasp, approach = (min(gap[part].min() for gap in gaps.values()) for part in parts)
     if approach > 0:
         return GateResult(None, None, float(approach))

@@ -318,7 +318,7 @@ fn a_mass_that_no_object_has_names_the_unit() {
     check_fails(
         &tiny,
         78,
-        &["between 1 g and 100 kg, got 0.000 g", "0.4 mm long with 0.00001 m a unit", "--scale", "Cube.obj"],
+        &["between 0.1 g and 100 kg, got 0.000 g", "0.4 mm long with 0.00001 m a unit", "--scale", "Cube.obj"],
     );
 }
 
