@@ -97,7 +97,12 @@ def hull_of(points_m: Iterable[Iterable[float]]) -> Hull:
         if len(faces) >= 4 and np.linalg.norm(areas.sum(axis=0)) <= 1e-3 * np.linalg.norm(areas, axis=1).sum():
             used = np.unique(np.concatenate(faces))
             return Hull(points[used], tuple(np.searchsorted(used, face) for face in faces))
-    raise ValueError("the points span no volume, or a hull that does not close")
+    # Faces that are nearly in one plane merge badly; the triangles close.
+    faces = [triple[_turning(points[triple], normal)] for normal, _, triple in _supporting_planes(points, 0.0)]
+    if len(faces) < 4:
+        raise ValueError("the points span no volume")
+    used = np.unique(np.concatenate(faces))
+    return Hull(points[used], tuple(np.searchsorted(used, face) for face in faces))
 
 
 def _faces(points: np.ndarray, tolerance: float) -> list[np.ndarray]:
