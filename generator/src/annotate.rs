@@ -297,7 +297,7 @@ mod tests {
 
     use rayon::ThreadPoolBuilder;
     use schema::{ShapeKind, Solid, axis_angle};
-    use simulator::{Body, Compound, Part, PartShape};
+    use simulator::{Body, Part, PartShape};
 
     use super::*;
 
@@ -318,7 +318,7 @@ mod tests {
         };
         let lying = part([0.08, 0.04, 0.02], Vec3::new(0.0, 0.0, 0.01));
         let standing = part([0.02, 0.04, 0.06], Vec3::new(-0.03, 0.0, 0.05));
-        Compound::new("ell", vec![lying, standing]).unwrap().into()
+        Body::of_parts("ell", vec![lying, standing]).unwrap()
     }
 
     fn few(grasps: usize) -> AnnotateParams {

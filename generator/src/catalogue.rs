@@ -9,7 +9,7 @@ use std::path::Path;
 
 use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
 use serde::Deserialize;
-use simulator::{Body, Compound, Part, PartShape, convex_hull};
+use simulator::{Body, Part, PartShape, convex_hull};
 
 /// The built-in catalogues, as they lie in `configs/objects`: as text, or compressed by zstd.
 const BUILT_IN: [(&str, &[u8]); 3] = [
@@ -189,9 +189,9 @@ fn thing(object: &RawObject) -> Result<CatalogueObject, String> {
     let part = |(number, raw): (usize, &RawPart)| part(raw).map_err(|problem| format!("part {number}: {problem}"));
     let parts = object.part.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
     let first_m = parts.first().map_or(Vec3::ZERO, |part| part.object_from_part.translation);
-    let compound = Compound::new(object.name.clone(), parts).map_err(|e| e.to_string())?;
-    let origin_m = first_m - compound.parts()[0].object_from_part.translation;
-    Ok(CatalogueObject { body: compound.into(), mass_kg: object.mass_kg, friction: object.friction, origin_m })
+    let body = Body::of_parts(object.name.clone(), parts).map_err(|e| e.to_string())?;
+    let origin_m = first_m - body.parts()[0].object_from_part.translation;
+    Ok(CatalogueObject { body, mass_kg: object.mass_kg, friction: object.friction, origin_m })
 }
 
 fn part(raw: &RawPart) -> Result<Part, String> {

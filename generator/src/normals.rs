@@ -207,7 +207,7 @@ fn grasp_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
 mod tests {
     use schema::{Purpose, Quat, ShapeKind, Solid};
     use simulator::Scene;
-    use simulator::{Body, Compound, Part};
+    use simulator::{Body, Part};
 
     use super::*;
     use crate::config::Overrides;
@@ -256,7 +256,7 @@ mod tests {
         };
         let lying = box_at(Vec3::new(0.08, 0.04, 0.02), Vec3::new(0.0, 0.0, 0.01));
         let standing = box_at(Vec3::new(0.02, 0.04, 0.06), Vec3::new(-0.03, 0.0, 0.05));
-        let body: Body = Compound::new("ell", vec![lying, standing]).unwrap().into();
+        let body = Body::of_parts("ell", vec![lying, standing]).unwrap();
         let workspace_from_object = Pose::IDENTITY;
         let targets = [Target::of(&SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object })];
         let mut stream = Stream::new(5, 0, Purpose::Candidates, 0);

@@ -12,8 +12,8 @@ use schema::{
 };
 use serde_json::json;
 use simulator::{
-    AttemptWorld, Compound, Execution, Part, PartShape, PartsParams, SceneObject, SceneRays, Settled, Unsettled,
-    convex_parts, settle, settle_again,
+    AttemptWorld, Execution, Part, PartShape, PartsParams, SceneObject, SceneRays, Settled, Unsettled, convex_parts,
+    settle, settle_again,
 };
 use std::path::PathBuf;
 
@@ -205,9 +205,9 @@ impl Body {
             let parts = parts.map_err(|error| refused(error.to_string()))?;
             let [low, high] = schema::bounds_m(parts.hulls.iter().flat_map(|hull| hull.corners_m()));
             let part = |hull| Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY };
-            let compound = Compound::new(name.clone(), parts.hulls.into_iter().map(part).collect());
-            let compound = compound.map_err(|error| refused(error.to_string()))?;
-            Ok(Self { body: compound.into(), centre_m: 0.5 * (low + high) })
+            let body = simulator::Body::of_parts(name.clone(), parts.hulls.into_iter().map(part).collect());
+            let body = body.map_err(|error| refused(error.to_string()))?;
+            Ok(Self { body, centre_m: 0.5 * (low + high) })
         };
         Apart::start(0, move |_| made())?.next(py)
     }

@@ -5,33 +5,31 @@
 
 use std::sync::Arc;
 
-use schema::{Model, ModelPart, Plane, Polyhedron, Pose, Solid, Vec3, bounds_m};
+use schema::{Model, ModelPart, Polyhedron, Pose, Solid, Vec3, bounds_m};
 
 use crate::convex_hull::convex_hull;
 
 /// A part's frame is not moved by less than this, so that rounding does not move it.
 const SHIFT_M_MIN: f32 = 1e-7;
 
-/// The shape of an object.
+/// The shape of an object: a solid, or convex parts that are rigidly joined. The origin of its frame is the centre of
+/// its bounding box.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Body {
-    /// One of the four primitive shapes.
-    Solid(Solid),
-    /// Several convex parts.
-    Compound(Arc<Compound>),
-}
+pub struct Body(Arc<Shape>);
 
-/// Rigidly joined convex parts with a name. The origin of the object frame is the centre of the bounding box.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Compound {
+#[derive(Debug, PartialEq)]
+struct Shape {
     name: String,
+    /// If it is one of the four.
+    solid: Option<Solid>,
     parts: Vec<Part>,
     /// The parts again, in the object's frame.
     polyhedra: Vec<Polyhedron>,
     extents_m: Vec3,
+    radius_m: f32,
 }
 
-/// A part of a compound. Parts should not overlap: overlaps count twice in the mass.
+/// A part of a body. Parts should not overlap: overlaps count twice in the mass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// Its shape.
@@ -49,19 +47,10 @@ pub enum PartShape {
     Hull(Polyhedron),
 }
 
-/// Why parts are refused as a compound.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum CompoundError {
-    /// The name is empty.
-    #[error("a compound must have a name")]
-    NoName,
-    /// There are no parts.
-    #[error("a compound must have at least one part")]
-    NoParts,
-    /// The pose of a part (by its index, from 0) is not finite, or its rotation does not have length 1.
-    #[error("the pose of part {0} must be finite, with a rotation of length 1")]
-    Pose(usize),
-}
+/// Why something is refused as a body.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct BodyError(String);
 
 impl PartShape {
     fn polyhedron(&self) -> Polyhedron {
@@ -79,151 +68,122 @@ impl PartShape {
     }
 }
 
-impl Compound {
+impl Body {
     /// A compound of `parts`, whose poses are in a common frame. The object's frame has the same axes and its origin at
     /// the centre of the bounding box, like that of a [`Solid`].
     ///
     /// # Errors
-    /// [`CompoundError`].
-    pub fn new(name: impl Into<String>, mut parts: Vec<Part>) -> Result<Self, CompoundError> {
+    /// [`BodyError`] if the name is empty, if there are no parts, or if a pose is not finite or no rotation.
+    pub fn of_parts(name: impl Into<String>, mut parts: Vec<Part>) -> Result<Self, BodyError> {
         let name = name.into();
+        let refused = |why: &str| Err(BodyError(why.to_owned()));
         if name.is_empty() {
-            return Err(CompoundError::NoName);
+            return refused("a compound must have a name");
         }
         if parts.is_empty() {
-            return Err(CompoundError::NoParts);
+            return refused("a compound must have at least one part");
         }
         let is_pose =
             |p: &Part| p.object_from_part.translation.is_finite() && p.object_from_part.rotation.is_normalized();
         if let Some(part) = parts.iter().position(|part| !is_pose(part)) {
-            return Err(CompoundError::Pose(part));
+            return refused(&format!("the pose of part {part} must be finite, with a rotation of length 1"));
         }
         let polyhedra = |parts: &[Part]| -> Vec<Polyhedron> {
             parts.iter().map(|p| p.shape.polyhedron().moved(&p.object_from_part)).collect()
         };
-        let placed = polyhedra(&parts);
-        let [low, high] = bounds_m(corners_m(&placed));
+        let [low, high] = bounds_m(corners_m(&polyhedra(&parts)));
         let centre_m = 0.5 * (low + high);
         if centre_m.length() > SHIFT_M_MIN {
             for part in &mut parts {
                 part.object_from_part.translation -= centre_m;
             }
         }
-        Ok(Self { name, polyhedra: polyhedra(&parts), parts, extents_m: high - low })
+        let polyhedra = polyhedra(&parts);
+        let radius_m = corners_m(&polyhedra).map(|c| c.length()).fold(0.0, f32::max);
+        Ok(Self(Arc::new(Shape { name, solid: None, parts, polyhedra, extents_m: high - low, radius_m })))
     }
 
     /// The parts, in the object's frame.
     #[must_use]
     pub fn parts(&self) -> &[Part] {
-        &self.parts
+        &self.0.parts
     }
-}
 
-impl Body {
     /// The name of the compound, or of the solid's kind.
     #[must_use]
     pub fn name(&self) -> &str {
-        match self {
-            Self::Solid(solid) => solid.kind.name(),
-            Self::Compound(compound) => &compound.name,
-        }
+        &self.0.name
     }
 
     /// The solid, if it is one.
     #[must_use]
     pub fn as_solid(&self) -> Option<Solid> {
-        match self {
-            Self::Solid(solid) => Some(*solid),
-            Self::Compound(_) => None,
-        }
+        self.0.solid
     }
 
     /// Its convex parts, in the object's frame.
     #[must_use]
-    pub fn polyhedra(&self) -> Vec<Polyhedron> {
-        match self {
-            Self::Solid(solid) => vec![solid.into()],
-            Self::Compound(compound) => compound.polyhedra.clone(),
-        }
+    pub fn polyhedra(&self) -> &[Polyhedron] {
+        &self.0.polyhedra
     }
 
     /// The corners of all parts, in the object's frame, in metres.
     #[must_use]
     pub fn vertices_m(&self) -> Vec<Vec3> {
-        match self {
-            Self::Solid(solid) => solid.vertices_m(),
-            Self::Compound(compound) => corners_m(&compound.polyhedra).copied().collect(),
-        }
+        corners_m(&self.0.polyhedra).copied().collect()
     }
 
     /// Full lengths of the bounding box along the object's axes, in metres.
     #[must_use]
     pub fn extents_m(&self) -> Vec3 {
-        match self {
-            Self::Solid(solid) => solid.extents_m,
-            Self::Compound(compound) => compound.extents_m,
-        }
+        self.0.extents_m
     }
 
     /// Volume in cubic metres: the sum over the parts.
     #[must_use]
     pub fn volume_m3(&self) -> f32 {
-        match self {
-            Self::Solid(solid) => solid.volume_m3(),
-            Self::Compound(compound) => compound.parts.iter().map(|part| part.shape.volume_m3()).sum(),
-        }
+        self.0.parts.iter().map(|part| part.shape.volume_m3()).sum()
     }
 
     /// Radius of a bounding ball about the object frame's origin, in metres.
     #[must_use]
     pub fn bounding_radius_m(&self) -> f32 {
-        match self {
-            Self::Solid(solid) => solid.bounding_radius_m(),
-            Self::Compound(compound) => corners_m(&compound.polyhedra).map(|c| c.length()).fold(0.0, f32::max),
-        }
+        self.0.radius_m
     }
 
     /// Signed distance in metres of a point to the nearest part, where the distance to a part is that to its farthest
     /// face: 0 on the surface, negative inside. Beside an edge this is less than the distance to the edge.
     #[must_use]
     pub fn distance_outside_m(&self, point_m: Vec3) -> f32 {
-        let above = |plane: Plane| plane.normal.dot(point_m) - plane.offset_m;
-        match self {
-            Self::Solid(solid) => solid.planes().into_iter().map(above).fold(f32::NEG_INFINITY, f32::max),
-            Self::Compound(compound) => {
-                let outside = |part: &Polyhedron| part.planes().map(above).fold(f32::NEG_INFINITY, f32::max);
-                compound.polyhedra.iter().map(outside).fold(f32::INFINITY, f32::min)
-            }
-        }
+        self.0.polyhedra.iter().map(|part| outside_m(part, point_m)).fold(f32::INFINITY, f32::min)
     }
 }
 
-/// Why a dataset's model is refused as a body.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct ModelError(String);
+/// Signed distance in metres of a point to a polyhedron's farthest face.
+pub(crate) fn outside_m(part: &Polyhedron, point_m: Vec3) -> f32 {
+    part.planes().map(|plane| plane.normal.dot(point_m) - plane.offset_m).fold(f32::NEG_INFINITY, f32::max)
+}
 
 impl Body {
     /// The body of a dataset's model: the hulls of its parts' corners.
     ///
     /// # Errors
-    /// [`ModelError`] if a part has no hull.
-    pub fn of_model(model: &Model) -> Result<Self, ModelError> {
+    /// [`BodyError`] if a part has no hull.
+    pub fn of_model(model: &Model) -> Result<Self, BodyError> {
         let name = &model.name;
         let part = |(part, ModelPart { corners_m }): (usize, &ModelPart)| {
-            let hull = convex_hull(corners_m).map_err(|e| ModelError(format!("model {name}, part {part}: {e}")))?;
+            let hull = convex_hull(corners_m).map_err(|e| BodyError(format!("model {name}, part {part}: {e}")))?;
             Ok(Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY })
         };
         let parts = model.parts.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
-        let compound = Compound::new(name, parts).map_err(|e| ModelError(format!("model {name}: {e}")))?;
-        Ok(compound.into())
+        Self::of_parts(name, parts).map_err(|e| BodyError(format!("model {name}: {e}")))
     }
 
     /// The model that a dataset stores for a catalogue's body, and from which [`Self::of_model`] makes the body again.
     ///
     /// # Errors
-    /// [`ModelError`] if a part's corners have no hull in the object's frame.
-    pub fn to_model(&self, mass_kg: f32, friction: f32) -> Result<Model, ModelError> {
+    /// [`BodyError`] if a part's corners have no hull in the object's frame.
+    pub fn to_model(&self, mass_kg: f32, friction: f32) -> Result<Model, BodyError> {
         let mut model = Model {
             name: self.name().to_owned(),
             mass_kg,
@@ -243,20 +203,21 @@ impl Body {
 /// The bodies of a dataset's models, in their order.
 ///
 /// # Errors
-/// [`ModelError`] for the first without a body.
-pub fn bodies_of(models: &[Arc<Model>]) -> Result<Vec<Body>, ModelError> {
+/// [`BodyError`] for the first without a body.
+pub fn bodies_of(models: &[Arc<Model>]) -> Result<Vec<Body>, BodyError> {
     models.iter().map(|model| Body::of_model(model)).collect()
 }
 
 impl From<Solid> for Body {
     fn from(solid: Solid) -> Self {
-        Self::Solid(solid)
-    }
-}
-
-impl From<Compound> for Body {
-    fn from(compound: Compound) -> Self {
-        Self::Compound(Arc::new(compound))
+        Self(Arc::new(Shape {
+            name: solid.kind.name().to_owned(),
+            solid: Some(solid),
+            parts: vec![Part { shape: PartShape::Solid(solid), object_from_part: Pose::IDENTITY }],
+            polyhedra: vec![Polyhedron::from(&solid)],
+            extents_m: solid.extents_m,
+            radius_m: solid.bounding_radius_m(),
+        }))
     }
 }
 

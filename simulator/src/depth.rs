@@ -23,7 +23,7 @@ impl SceneRays {
     pub fn new(scene: &Scene) -> Self {
         let parts = scene.objects.iter().flat_map(|object| {
             let pose = object.workspace_from_object;
-            object.body.polyhedra().into_iter().map(move |part| part.moved(&pose))
+            object.body.polyhedra().iter().map(move |part| part.moved(&pose))
         });
         let parts = scene.fixtures.iter().cloned().chain(parts).collect();
         Self { table_z_m: scene.table_z_m, parts }

@@ -8,7 +8,7 @@ use rapier3d::prelude::*;
 use schema::{Mat3, Physics, Polyhedron, Pose, SettleParams};
 
 use crate::SceneObject;
-use crate::body::{Body, Compound, PartShape};
+use crate::body::{Body, PartShape};
 use crate::contact::{Contact, ContactBody};
 use crate::faceted::{shape_of, shape_of_hull};
 use crate::mass_scaling::LeastInertia;
@@ -57,39 +57,30 @@ pub(crate) struct EngineBody {
 
 impl EngineBody {
     /// A body that is no less sluggish than `least`.
-    pub(crate) fn new(body: &Body, mass_kg: f32, friction: f32, least: LeastInertia) -> Self {
-        let (shape, mut mass_properties) = match body {
-            Body::Solid(solid) => with_mass_properties(shape_of(solid, UNITS_PER_M)),
-            Body::Compound(compound) => joined(compound),
-        };
+    pub(crate) fn of(object: &SceneObject, least: LeastInertia) -> Self {
+        let SceneObject { body, mass_kg, friction, .. } = object;
+        let (shape, mut mass_properties) = joined(body);
         let gyration_m =
             (mass_properties.principal_inertia().min_element() / mass_properties.mass()).sqrt() / UNITS_PER_M;
         let inertia_kg = mass_kg.max(least.with_gyration_kg(gyration_m));
         mass_properties.set_mass(inertia_kg, true);
-        Self { shape, mass_properties, friction, weight_share: mass_kg / inertia_kg }
-    }
-
-    pub(crate) fn of(object: &SceneObject, least: LeastInertia) -> Self {
-        Self::new(&object.body, object.mass_kg, object.friction, least)
+        Self { shape, mass_properties, friction: *friction, weight_share: mass_kg / inertia_kg }
     }
 }
 
-fn with_mass_properties(shape: SharedShape) -> (SharedShape, MassProperties) {
-    let mass_properties = shape.mass_properties(1.0);
-    (shape, mass_properties)
-}
-
-/// The parts of a compound as one shape, and their mass properties at density 1. One shape, not a collider for each
-/// part: contacts are then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
-fn joined(compound: &Compound) -> (SharedShape, MassProperties) {
+/// The parts of a body as one shape, and their mass properties at density 1. One shape, not a collider for each part:
+/// contacts are then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
+fn joined(body: &Body) -> (SharedShape, MassProperties) {
     let shape = |part: &PartShape| match part {
         PartShape::Solid(solid) => shape_of(solid, UNITS_PER_M),
         PartShape::Hull(hull) => shape_of_hull(hull, UNITS_PER_M),
     };
     let parts: Vec<(Pose, SharedShape)> =
-        compound.parts().iter().map(|part| (in_units(part.object_from_part), shape(&part.shape))).collect();
-    if parts.len() == 1 && parts[0].0 == Pose::IDENTITY {
-        return with_mass_properties(parts[0].1.clone());
+        body.parts().iter().map(|part| (in_units(part.object_from_part), shape(&part.shape))).collect();
+    if let [(pose, shape)] = &parts[..]
+        && *pose == Pose::IDENTITY
+    {
+        return (shape.clone(), shape.mass_properties(1.0));
     }
     let of_parts: Vec<MassProperties> =
         parts.iter().map(|(pose, shape)| shape.mass_properties(1.0).transform_by(pose)).collect();
@@ -322,13 +313,15 @@ mod tests {
             shape: PartShape::Solid(cuboid(*extents_m)),
             object_from_part: Pose::from_translation(*at_m),
         };
-        Compound::new("boxes", parts.iter().map(part).collect()).unwrap().into()
+        Body::of_parts("boxes", parts.iter().map(part).collect()).unwrap()
     }
 
     /// Mass in kg, centre of mass in m, and inertia about it in kg m², all as the engine has them in a body of a world.
     fn mass_of(body: &Body, mass_kg: f32) -> (f32, Vec3, Mat3) {
         let mut world = World::new(&Physics::FAITHFUL, Vec3::ZERO);
-        let handle = world.add_object(&EngineBody::new(body, mass_kg, 1.0, LeastInertia::NONE), Pose::IDENTITY, true);
+        let at = Pose::IDENTITY;
+        let object = SceneObject { body: body.clone(), mass_kg, friction: 1.0, workspace_from_object: at };
+        let handle = world.add_object(&EngineBody::of(&object, LeastInertia::NONE), at, true);
         world.step(&mut PhysicsPipeline::new());
         let found = world.bodies[handle].mass_properties().local_mprops;
         let inertia = found.reconstruct_inertia_matrix() * (1.0 / (UNITS_PER_M * UNITS_PER_M));
@@ -374,11 +367,11 @@ mod tests {
             shape: PartShape::Solid(cuboid(Vec3::splat(edge))),
             object_from_part: Pose::from_parts(turn * Vec3::X * along_m, turn),
         };
-        let bell = Compound::new("dumb_bell", vec![part(small, 0.0), part(large, 0.1)]).unwrap();
+        let bell = Body::of_parts("dumb_bell", vec![part(small, 0.0), part(large, 0.1)]).unwrap();
         let apart_m = bell.parts()[1].object_from_part.translation - bell.parts()[0].object_from_part.translation;
         assert!((apart_m - turn * Vec3::X * 0.1).length() < 1e-6);
         let expected_centre_m = bell.parts()[0].object_from_part.translation + apart_m * (8.0 / 9.0);
-        let (found_kg, centre_m, inertia) = mass_of(&bell.into(), mass_kg);
+        let (found_kg, centre_m, inertia) = mass_of(&bell, mass_kg);
         assert!((found_kg - mass_kg).abs() < 1e-6 && (centre_m - expected_centre_m).length() < 1e-6, "{centre_m}");
         let [light_kg, heavy_kg] = [mass_kg / 9.0, 8.0 * mass_kg / 9.0];
         let own = (light_kg * small * small + heavy_kg * large * large) / 6.0;
@@ -399,8 +392,8 @@ mod tests {
             let solid = Solid::new(kind, extents).unwrap();
             let part =
                 Part { shape: PartShape::Solid(solid), object_from_part: Pose::from_parts(Vec3::ZERO, Quat::IDENTITY) };
-            let alone = Compound::new("alone", vec![part]).unwrap();
-            assert_eq!(mass_of(&alone.into(), 0.2), mass_of(&solid.into(), 0.2), "{kind:?}");
+            let alone = Body::of_parts("alone", vec![part]).unwrap();
+            assert_eq!(mass_of(&alone, 0.2), mass_of(&solid.into(), 0.2), "{kind:?}");
         }
     }
 }

@@ -9,8 +9,8 @@
 //!   outcome; [`AttemptWorld::execute_watched`] does the same and reports every step to a [`Watcher`].
 //! - [`SceneRays`] casts the rays of a depth camera at the same faceted shapes that the physics uses.
 //!
-//! An object's shape is a [`Body`]: one of the four solids, or a [`Compound`] of convex parts, which [`convex_parts`]
-//! makes of a mesh.
+//! An object's shape is a [`Body`]: one of the four solids, or a compound of convex parts, which [`convex_parts`] makes
+//! of a mesh.
 //!
 //! Every result is a pure function of its arguments. A world is always rebuilt from poses, and nothing runs in parallel
 //! inside a world.
@@ -62,7 +62,7 @@ mod tested_part;
 mod watch;
 
 pub use attempt::{AttemptWorld, Execution};
-pub use body::{Body, Compound, CompoundError, ModelError, Part, PartShape, bodies_of};
+pub use body::{Body, BodyError, Part, PartShape, bodies_of};
 pub use contact::{Contact, ContactBody};
 pub use convex_hull::convex_hull;
 pub use decompose::{ConvexParts, PartsParams, convex_parts, few_cornered_hull, hull_volume_m3};

@@ -3,6 +3,7 @@
 use schema::{ObjectRecord, ObjectShape, Polyhedron, Pose, Vec3};
 
 use crate::Body;
+use crate::body::outside_m;
 
 /// An object in the workspace.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,11 +57,8 @@ impl Scene {
     /// Whether a fixture is nearer to a point of the workspace than any object.
     #[must_use]
     pub fn is_at_fixture(&self, point_m: Vec3) -> bool {
-        let outside_m = |fixture: &Polyhedron| {
-            fixture.planes().map(|plane| plane.normal.dot(point_m) - plane.offset_m).fold(f32::NEG_INFINITY, f32::max)
-        };
         let nearest = self.nearest(point_m).map_or(f32::INFINITY, |id| self.distance_outside_m(id, point_m));
-        self.fixtures.iter().any(|fixture| outside_m(fixture) < nearest)
+        self.fixtures.iter().any(|fixture| outside_m(fixture, point_m) < nearest)
     }
 
     fn distance_outside_m(&self, object_id: usize, point_m: Vec3) -> f32 {

@@ -7,8 +7,8 @@ use schema::{
     axis_angle,
 };
 use simulator::{
-    AttemptWorld, Body, Compound, CompoundError, Execution, Gate, Part, PartShape, Physics, Scene, SceneObject,
-    SceneRays, SettleParams, convex_hull, few_cornered_hull, settle, settle_again,
+    AttemptWorld, Body, Execution, Gate, Part, PartShape, Physics, Scene, SceneObject, SceneRays, SettleParams,
+    convex_hull, few_cornered_hull, settle, settle_again,
 };
 
 const PI: f32 = core::f32::consts::PI;
@@ -27,7 +27,7 @@ fn part(shape: PartShape, at_m: Vec3) -> Part {
 
 fn boxes(parts: &[(Vec3, Vec3)]) -> Body {
     let parts = parts.iter().map(|(extents_m, at_m)| part(PartShape::Solid(cuboid(*extents_m)), *at_m));
-    Compound::new("boxes", parts.collect()).unwrap().into()
+    Body::of_parts("boxes", parts.collect()).unwrap()
 }
 
 const BOX_M: Vec3 = Vec3::new(0.04, 0.05, 0.07);
@@ -37,8 +37,8 @@ fn alike() -> [Body; 3] {
     let [third, rest] = [1.0, 2.0].map(|thirds: f32| Vec3::new(BOX_M.x, BOX_M.y * thirds / 3.0, BOX_M.z));
     let cut = boxes(&[(third, Vec3::ZERO), (rest, Vec3::Y * (0.5 * BOX_M.y))]);
     let hull = convex_hull(&cuboid(BOX_M).vertices_m()).unwrap();
-    let hull = Compound::new("hull", vec![part(PartShape::Hull(hull), Vec3::ZERO)]).unwrap();
-    [cuboid(BOX_M).into(), cut, hull.into()]
+    let hull = Body::of_parts("hull", vec![part(PartShape::Hull(hull), Vec3::ZERO)]).unwrap();
+    [cuboid(BOX_M).into(), cut, hull]
 }
 
 /// A ring of twelve hulls with its axis along z; the centre of a flat side is on x.
@@ -55,7 +55,7 @@ fn ring(inner_m: f32, outer_m: f32, height_m: f32) -> Body {
             .collect();
         part(PartShape::Hull(convex_hull(&corners).unwrap()), Vec3::ZERO)
     };
-    Compound::new("ring", (0..12).map(sector).collect()).unwrap().into()
+    Body::of_parts("ring", (0..12).map(sector).collect()).unwrap()
 }
 
 /// A post with a foot along +x; the post's centre is 30 mm from the centre of the body.
@@ -66,7 +66,7 @@ fn l_shape() -> Body {
 /// The same body without hollows: the hull of all its corners.
 fn filled(body: &Body) -> Body {
     let hull = convex_hull(&body.vertices_m()).unwrap();
-    Compound::new("filled", vec![part(PartShape::Hull(hull), Vec3::ZERO)]).unwrap().into()
+    Body::of_parts("filled", vec![part(PartShape::Hull(hull), Vec3::ZERO)]).unwrap()
 }
 
 fn object(body: Body, mass_kg: f32, workspace_from_object: Pose) -> SceneObject {
@@ -227,8 +227,8 @@ fn one_solid_alone_is_that_solid_to_the_bit() {
         (ShapeKind::HalfCylinder, Vec3::new(0.06, 0.06, 0.03)),
     ] {
         let solid = Solid::new(kind, extents).unwrap();
-        let alone = Compound::new("alone", vec![part(PartShape::Solid(solid), Vec3::ZERO)]).unwrap();
-        let [plain, alone] = [Body::from(solid), alone.into()].map(|body| {
+        let alone = Body::of_parts("alone", vec![part(PartShape::Solid(solid), Vec3::ZERO)]).unwrap();
+        let [plain, alone] = [Body::from(solid), alone].map(|body| {
             let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.15), axis_angle(Vec3::X, 0.4));
             let drop = SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
             let settled = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[], &[drop]).unwrap();
@@ -288,7 +288,7 @@ fn what_stands_goes_on_standing() {
     let corners =
         (0..16).map(corner).flat_map(|(sin, cos)| [-0.04, 0.04].map(|z| Vec3::new(0.02 * cos, 0.02 * sin, z)));
     let prism = convex_hull(&corners.collect::<Vec<Vec3>>()).unwrap();
-    let prism = Compound::new("prism", vec![part(PartShape::Hull(prism), Vec3::ZERO)]).unwrap().into();
+    let prism = Body::of_parts("prism", vec![part(PartShape::Hull(prism), Vec3::ZERO)]).unwrap();
     let [_, cut, hull] = alike();
     let patient = SettleParams { rest_time_s: 3.0, time_s_max: 4.0, ..SettleParams::STANDARD };
     for body in [ring(0.03, 0.045, 0.025), l_shape(), cut, hull, prism] {
@@ -334,14 +334,16 @@ fn the_frame_lies_in_the_middle_of_the_bounding_box() {
 #[test]
 fn what_is_no_compound_is_refused() {
     let good = part(PartShape::Solid(cuboid(BOX_M)), Vec3::ZERO);
-    assert_eq!(Compound::new("", vec![good.clone()]), Err(CompoundError::NoName));
-    assert_eq!(Compound::new("nothing", Vec::new()), Err(CompoundError::NoParts));
+    let refused = |name: &str, parts: Vec<Part>| Body::of_parts(name, parts).unwrap_err().to_string();
+    assert_eq!(refused("", vec![good.clone()]), "a compound must have a name");
+    assert_eq!(refused("nothing", Vec::new()), "a compound must have at least one part");
     for pose in [
         Pose::from_translation(Vec3::new(0.0, f32::NAN, 0.0)),
         Pose::from_parts(Vec3::ZERO, Quat::from_xyzw(0.0, 0.0, 0.0, 2.0)),
     ] {
         let bad = Part { object_from_part: pose, ..good.clone() };
-        assert_eq!(Compound::new("bad", vec![good.clone(), bad]), Err(CompoundError::Pose(1)));
+        let expected = "the pose of part 1 must be finite, with a rotation of length 1";
+        assert_eq!(refused("bad", vec![good.clone(), bad]), expected);
     }
 }
 
@@ -357,7 +359,7 @@ fn what_stands_on_hulls_of_many_faces_comes_to_rest() {
             part(PartShape::Hull(few_cornered_hull(&points_m, 24).unwrap().0), at_m)
         };
         let parts = [-0.03, 0.0, 0.03].map(|x_m| pebble(Vec3::X * x_m));
-        let body = Compound::new("pebbles", parts.into()).unwrap().into();
+        let body = Body::of_parts("pebbles", parts.into()).unwrap();
         let workspace_from_object = Pose::from_parts(Vec3::new(0.15, 0.15, 0.15), stream.rotation());
         let object = SceneObject { body, mass_kg: 0.1, friction: 0.8, workspace_from_object };
         let settled = settle(&Physics::STANDARD, &SettleParams::STANDARD, &Grid::PAPER, &[], &[object]);

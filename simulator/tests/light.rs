@@ -5,7 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use schema::{Gripper, Physics, Polyhedron, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
-use simulator::{Body, Compound, FloatingWorld, Hold, Load, Part, PartShape, Shake};
+use simulator::{Body, FloatingWorld, Hold, Load, Part, PartShape, Shake};
 
 const PI: f32 = core::f32::consts::PI;
 
@@ -32,7 +32,7 @@ fn ball() -> Body {
             0.01 * Vec3::new(radius * libm::cosf(turn), radius * libm::sinf(turn), z)
         })
         .collect();
-    Compound::new("ball", vec![Part { object_from_part: Pose::IDENTITY, shape: hull(&corners) }]).unwrap().into()
+    Body::of_parts("ball", vec![Part { object_from_part: Pose::IDENTITY, shape: hull(&corners) }]).unwrap()
 }
 
 /// A ring of 20 mm, its wall 2 mm thick and high, of 16 pieces, its axis along z.
@@ -50,7 +50,7 @@ fn ring() -> Body {
             .collect();
         Part { object_from_part: Pose::IDENTITY, shape: hull(&corners) }
     };
-    Compound::new("ring", (0..16).map(piece).collect()).unwrap().into()
+    Body::of_parts("ring", (0..16).map(piece).collect()).unwrap()
 }
 
 /// The test of `graspmill objects annotate`, gently: to and fro, then turning.

@@ -5,7 +5,7 @@ use wide::f32x4;
 
 use crate::engine::{EngineBody, UNITS_PER_M};
 use crate::mass_scaling::LeastInertia;
-use crate::{Body, PartShape, SceneObject};
+use crate::{PartShape, SceneObject};
 
 /// What a stepper moves, and what stands in its way beside the table.
 pub(crate) struct Things {
@@ -120,15 +120,11 @@ pub(super) struct FaceOf {
 impl Thing {
     /// An object; its mass properties are rapier's.
     pub(super) fn of(object: &SceneObject, least: LeastInertia) -> Self {
-        let SceneObject { body, mass_kg, friction, workspace_from_object } = object;
-        let EngineBody { mass_properties: mass, weight_share, .. } = EngineBody::new(body, *mass_kg, *friction, least);
+        let EngineBody { mass_properties: mass, weight_share, .. } = EngineBody::of(object, least);
         let units = UNITS_PER_M;
-        let is_solid = |part: usize| match body {
-            Body::Solid(_) => true,
-            Body::Compound(compound) => matches!(compound.parts()[part].shape, PartShape::Solid(_)),
-        };
-        let polyhedra = body.polyhedra();
-        let parts: Vec<Part> = polyhedra.iter().zip(0..).map(|(part, id)| Part::new(part, is_solid(id))).collect();
+        let is_solid = object.body.parts().iter().map(|part| matches!(part.shape, PartShape::Solid(_)));
+        let parts: Vec<Part> =
+            object.body.polyhedra().iter().zip(is_solid).map(|(part, is_solid)| Part::new(part, is_solid)).collect();
         let centre_m = mass.local_com / units;
         let moments = mass.principal_inertia() / (units * units);
         let corners_m = parts.iter().flat_map(|part| &part.hull.corners_m);
@@ -137,11 +133,11 @@ impl Thing {
             parts,
             mass_kg: mass.mass(),
             weight_share,
-            friction: *friction,
+            friction: object.friction,
             centre_m,
             root_inverse_inertia: Vec3::new(1.0 / moments.x.sqrt(), 1.0 / moments.y.sqrt(), 1.0 / moments.z.sqrt()),
             principal: mass.principal_inertia_local_frame,
-            workspace_from_object: *workspace_from_object,
+            workspace_from_object: object.workspace_from_object,
         }
     }
 }
