@@ -3,11 +3,11 @@
 //!
 //! [`Stepper`](crate::stepper::Stepper) is ours and made for this; [`RapierAttempt`] is the reference.
 
-use rapier3d::prelude::{ColliderHandle, PhysicsPipeline, RigidBodyHandle};
+use rapier3d::prelude::{ColliderHandle, ContactPair, PhysicsWorld, RigidBodyHandle};
 use schema::{Gripper, Physics, Polyhedron, Pose, SettleParams, Vec3};
 
 use crate::contact::{Contact, ContactBody};
-use crate::engine::{EngineBody, World};
+use crate::engine::{EngineBody, LENGTH_UNIT_M, UNITS_PER_M, add_fixed_box, add_object, pose_of, world_with_table};
 use crate::hand::Hand;
 
 /// Objects that move. They are known by their indices.
@@ -66,8 +66,7 @@ pub(crate) trait AttemptEngine: Bodies {
 
 /// Objects in rapier, and what is there beside them.
 pub(crate) struct InRapier<T> {
-    world: World,
-    pipeline: PhysicsPipeline,
+    world: PhysicsWorld,
     bodies: Vec<RigidBodyHandle>,
     fixtures: Vec<ColliderHandle>,
     beside: T,
@@ -75,15 +74,16 @@ pub(crate) struct InRapier<T> {
 
 impl<T> Bodies for InRapier<T> {
     fn step(&mut self) {
-        self.world.step(&mut self.pipeline);
+        self.world.step();
     }
 
     fn pose(&self, object_id: usize) -> Pose {
-        self.world.pose(self.bodies[object_id])
+        pose_of(&self.world, self.bodies[object_id])
     }
 
     fn velocities(&self, object_id: usize) -> [Vec3; 2] {
-        self.world.velocities(self.bodies[object_id])
+        let body = &self.world.bodies[self.bodies[object_id]];
+        [body.linvel() / UNITS_PER_M, body.angvel()]
     }
 }
 
@@ -110,17 +110,15 @@ impl RapierAttempt {
     ) -> Self {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let gravity_m_s2 = grasp_from_workspace.rotation * -Vec3::Z * physics.gravity_m_s2;
-        let mut world = World::new(physics, gravity_m_s2);
-        world.add_table(&grasp_from_workspace, table_z_m, physics.table_friction);
-        let add_fixture = |part| world.add_fixture(&grasp_from_workspace, part, physics.table_friction);
-        let fixtures = things.fixtures.iter().map(add_fixture).collect();
+        let (mut world, fixtures) =
+            world_with_table(physics, gravity_m_s2, &grasp_from_workspace, table_z_m, &things.fixtures);
         let add = |(engine_body, workspace_from_object): &(EngineBody, Pose)| {
             let pose = grasp_from_workspace * *workspace_from_object;
-            world.add_object(engine_body, pose, all_awake)
+            add_object(&mut world, engine_body, pose, all_awake)
         };
         let bodies = things.bodies.iter().map(add).collect();
         let hand = Hand::insert(&mut world, gripper, closed_m);
-        Self { world, pipeline: PhysicsPipeline::new(), bodies, fixtures, beside: hand }
+        Self { world, bodies, fixtures, beside: hand }
     }
 
     fn collider(&self, object_id: usize) -> ColliderHandle {
@@ -160,7 +158,7 @@ impl AttemptEngine for RapierAttempt {
     }
 
     fn is_asleep(&self, object_id: usize) -> bool {
-        self.world.is_asleep(self.bodies[object_id])
+        self.world.bodies[self.bodies[object_id]].is_sleeping()
     }
 
     fn is_gripped(&self, object_id: usize) -> bool {
@@ -168,11 +166,28 @@ impl AttemptEngine for RapierAttempt {
     }
 
     fn is_touched_by_others(&self, object_id: usize) -> bool {
-        self.world.is_touched_except_by(self.collider(object_id), &self.beside.colliders())
+        let (collider, hand) = (self.collider(object_id), self.beside.colliders());
+        let is_of_hand = |pair: &ContactPair| hand.contains(&pair.collider1) || hand.contains(&pair.collider2);
+        self.world.contact_pairs_with(collider).any(|pair| !is_of_hand(pair) && pair.total_impulse_magnitude() > 0.0)
     }
 
     fn contacts(&self) -> Vec<Contact> {
-        self.world.contacts(|collider| self.body(collider))
+        let pressed = self.world.contact_pairs().filter(|pair| pair.total_impulse_magnitude() > 0.0);
+        let contact = |pair: &ContactPair| {
+            let first = self.world.colliders[pair.collider1].position();
+            let points_m = pair.solver_manifolds().iter().flat_map(|manifold| {
+                let part = manifold.subshape_poses.as_ref().and_then(|poses| poses.pos1);
+                let pose = *first * part.unwrap_or(Pose::IDENTITY);
+                let bearing = manifold.points.iter().filter(|point| point.data.impulse > 0.0);
+                bearing.map(move |point| pose.transform_point(point.local_p1) / UNITS_PER_M)
+            });
+            Contact {
+                between: [pair.collider1, pair.collider2].map(|collider| self.body(collider)),
+                points_m: points_m.collect(),
+                force_n: pair.total_impulse_magnitude() / (self.world.integration_parameters.dt * UNITS_PER_M),
+            }
+        };
+        pressed.map(contact).collect()
     }
 }
 
@@ -181,7 +196,7 @@ pub(crate) type RapierPile<'a> = InRapier<PileSetup<'a>>;
 
 /// Of a pile: the objects that it is to have, and what keeps them together.
 pub(crate) struct PileSetup<'a> {
-    physics: Physics,
+    friction: f32,
     params: &'a SettleParams,
     table_z_m: f32,
     objects: Vec<EngineBody>,
@@ -201,20 +216,26 @@ impl<'a> RapierPile<'a> {
         fixtures: &[Polyhedron],
         table_z_m: f32,
     ) -> Self {
-        let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
-        world.add_table(&Pose::IDENTITY, table_z_m, physics.table_friction);
-        let add_fixture = |part| world.add_fixture(&Pose::IDENTITY, part, physics.table_friction);
-        let fixtures = fixtures.iter().map(add_fixture).collect();
-        let beside = PileSetup { physics: *physics, params, table_z_m, objects, walls: Vec::new() };
-        Self { world, pipeline: PhysicsPipeline::new(), bodies: Vec::new(), fixtures, beside }
+        let gravity_m_s2 = -Vec3::Z * physics.gravity_m_s2;
+        let (world, fixtures) = world_with_table(physics, gravity_m_s2, &Pose::IDENTITY, table_z_m, fixtures);
+        let beside = PileSetup { friction: physics.table_friction, params, table_z_m, objects, walls: Vec::new() };
+        Self { world, bodies: Vec::new(), fixtures, beside }
     }
 }
 
 impl PileEngine for RapierPile<'_> {
     fn add(&mut self, pose: &Pose, velocity_m_s: Vec3) {
-        let body = self.world.add_object(&self.beside.objects[self.bodies.len()], *pose, true);
-        self.world.let_settle(body, self.beside.params, velocity_m_s);
-        self.bodies.push(body);
+        let (objects, params) = (&self.beside.objects, self.beside.params);
+        let handle = add_object(&mut self.world, &objects[self.bodies.len()], *pose, true);
+        let body = &mut self.world.bodies[handle];
+        body.set_linear_damping(params.damping_1_s);
+        body.set_angular_damping(params.damping_1_s);
+        body.set_linvel(velocity_m_s * UNITS_PER_M, true);
+        let activation = body.activation_mut();
+        activation.normalized_linear_threshold = params.linear_speed_m_s_max / LENGTH_UNIT_M;
+        activation.angular_threshold = params.angular_speed_rad_s_max;
+        activation.time_until_sleep = params.rest_time_s;
+        self.bodies.push(handle);
     }
 
     fn add_walls(&mut self, size_m: f32) {
@@ -226,13 +247,13 @@ impl PileEngine for RapierPile<'_> {
             let half = if y == 0.0 { [0.5 * WALL_THICKNESS_M, long] } else { [long, 0.5 * WALL_THICKNESS_M] };
             let pose = Pose::from_translation(Vec3::new(middle + x, middle + y, centre_z));
             let half_m = Vec3::new(half[0], half[1], 0.5 * WALL_HEIGHT_M);
-            self.beside.walls.push(self.world.add_fixed_box(pose, half_m, self.beside.physics.table_friction));
+            self.beside.walls.push(add_fixed_box(&mut self.world, pose, half_m, self.beside.friction));
         }
     }
 
     fn remove_walls(&mut self) {
         for wall in self.beside.walls.drain(..) {
-            self.world.remove_fixed(wall);
+            self.world.remove_collider(wall);
         }
     }
 

@@ -1,15 +1,14 @@
-//! rapier, set up so that friction holds: the settings, and a world that can be cloned and stepped.
+//! rapier, set up so that friction holds: the settings, and what is put into its world.
 //!
 //! With rapier's own defaults a gripped object creeps out of the jaws: soft contacts (30 Hz) let it sink and slide,
 //! friction is left out of the bias pass, and recycled contacts are stale. What holds was found by agreement with
 //! PyBullet over gripped objects: see [`Physics::FAITHFUL`].
 
 use rapier3d::prelude::*;
-use schema::{Mat3, Physics, Polyhedron, Pose, SettleParams};
+use schema::{Mat3, Physics, Polyhedron, Pose};
 
 use crate::SceneObject;
 use crate::body::{Body, PartShape};
-use crate::contact::{Contact, ContactBody};
 use crate::faceted::{shape_of, shape_of_hull};
 use crate::mass_scaling::LeastInertia;
 
@@ -40,7 +39,7 @@ pub(crate) const UNITS_PER_M: f32 = 64.0;
 
 /// rapier's idea of a typical size. It scales the slop (0.5 %) and the reach of speculative contacts (2 %): 0.5 mm and
 /// 2 mm here, for objects of a few centimetres.
-const LENGTH_UNIT_M: f32 = 0.1;
+pub(crate) const LENGTH_UNIT_M: f32 = 0.1;
 
 /// The table is a thick box, not a half-space: against a half-space parry never asks a shape which corners lie next to
 /// the contact (see `faceted`), and an upright cylinder topples.
@@ -109,191 +108,68 @@ fn sum(parts: &[MassProperties]) -> MassProperties {
     MassProperties::with_inertia_matrix(centre, mass, inertia)
 }
 
-/// All of rapier's state.
-pub(crate) struct World {
-    gravity: Vector,
-    parameters: IntegrationParameters,
-    islands: IslandManager,
-    broad_phase: DefaultBroadPhase,
-    narrow_phase: NarrowPhase,
-    pub(crate) bodies: RigidBodySet,
-    pub(crate) colliders: ColliderSet,
-    pub(crate) joints: ImpulseJointSet,
-    multibody_joints: MultibodyJointSet,
-    soft_bodies: SoftBodySet,
-    ccd: CCDSolver,
+/// A world with a table whose top is at `table_z_m` in the workspace, and the fixtures that stand there.
+pub(crate) fn world_with_table(
+    physics: &Physics,
+    gravity_m_s2: Vector,
+    world_from_workspace: &Pose,
+    table_z_m: f32,
+    fixtures: &[Polyhedron],
+) -> (PhysicsWorld, Vec<ColliderHandle>) {
+    let mut world = PhysicsWorld {
+        gravity: gravity_m_s2 * UNITS_PER_M,
+        integration_parameters: integration(physics),
+        ..PhysicsWorld::default()
+    };
+    let friction = physics.table_friction;
+    let centre = Pose::from_parts(Vector::new(0.0, 0.0, table_z_m - TABLE_HALF_M.z), Rotation::IDENTITY);
+    add_fixed_box(&mut world, *world_from_workspace * centre, TABLE_HALF_M, friction);
+    let add = |fixture: &Polyhedron| {
+        let collider = ColliderBuilder::new(shape_of_hull(fixture, UNITS_PER_M));
+        world.colliders.insert(surface(collider.position(in_units(*world_from_workspace)), friction))
+    };
+    let fixtures = fixtures.iter().map(add).collect();
+    (world, fixtures)
 }
 
-impl World {
-    /// An empty world.
-    pub(crate) fn new(physics: &Physics, gravity_m_s2: Vector) -> Self {
-        Self {
-            gravity: gravity_m_s2 * UNITS_PER_M,
-            parameters: integration(physics),
-            islands: IslandManager::new(),
-            broad_phase: DefaultBroadPhase::new(),
-            narrow_phase: NarrowPhase::new(),
-            bodies: RigidBodySet::new(),
-            colliders: ColliderSet::new(),
-            joints: ImpulseJointSet::new(),
-            multibody_joints: MultibodyJointSet::new(),
-            soft_bodies: SoftBodySet::new(),
-            ccd: CCDSolver::new(),
-        }
-    }
+/// Adds a box that never moves.
+pub(crate) fn add_fixed_box(world: &mut PhysicsWorld, pose: Pose, half_m: Vector, friction: f32) -> ColliderHandle {
+    let half = half_m * UNITS_PER_M;
+    let collider = ColliderBuilder::cuboid(half.x, half.y, half.z).position(in_units(pose));
+    world.colliders.insert(surface(collider, friction))
+}
 
-    /// Adds a table whose top is at `table_z_m` in the workspace.
-    pub(crate) fn add_table(&mut self, world_from_workspace: &Pose, table_z_m: f32, friction: f32) {
-        let centre = Pose::from_parts(Vector::new(0.0, 0.0, table_z_m - TABLE_HALF_M.z), Rotation::IDENTITY);
-        self.add_fixed_box(*world_from_workspace * centre, TABLE_HALF_M, friction);
+/// Adds a free object. One that is not awake stands still until something touches it.
+pub(crate) fn add_object(
+    world: &mut PhysicsWorld,
+    engine_body: &EngineBody,
+    world_from_object: Pose,
+    is_awake: bool,
+) -> RigidBodyHandle {
+    let body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object));
+    let body = body.gravity_scale(engine_body.weight_share);
+    let mut body = body.can_sleep(!is_awake).build();
+    if !is_awake {
+        // Once awake, it stays awake.
+        body.activation_mut().time_until_sleep = f32::MAX;
+        body.sleep();
     }
+    let collider = ColliderBuilder::new(engine_body.shape.clone()).mass_properties(engine_body.mass_properties);
+    world.insert(body, surface(collider, engine_body.friction)).0
+}
 
-    /// Adds a box that never moves.
-    pub(crate) fn add_fixed_box(&mut self, pose: Pose, half_m: Vector, friction: f32) -> ColliderHandle {
-        let half = half_m * UNITS_PER_M;
-        let collider = ColliderBuilder::cuboid(half.x, half.y, half.z).position(in_units(pose));
-        self.colliders.insert(surface(collider, friction))
-    }
-
-    /// Adds a convex part of the workspace that never moves.
-    pub(crate) fn add_fixture(
-        &mut self,
-        world_from_workspace: &Pose,
-        fixture: &Polyhedron,
-        friction: f32,
-    ) -> ColliderHandle {
-        let shape = shape_of_hull(fixture, UNITS_PER_M);
-        self.colliders.insert(surface(ColliderBuilder::new(shape).position(in_units(*world_from_workspace)), friction))
-    }
-
-    /// Adds a free object. One that is not awake stands still until something touches it.
-    pub(crate) fn add_object(
-        &mut self,
-        engine_body: &EngineBody,
-        world_from_object: Pose,
-        is_awake: bool,
-    ) -> RigidBodyHandle {
-        let body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object));
-        let body = body.gravity_scale(engine_body.weight_share);
-        let mut body = body.can_sleep(!is_awake).build();
-        if !is_awake {
-            // Once awake, it stays awake.
-            body.activation_mut().time_until_sleep = f32::MAX;
-            body.sleep();
-        }
-        let body = self.bodies.insert(body);
-        let collider = ColliderBuilder::new(engine_body.shape.clone()).mass_properties(engine_body.mass_properties);
-        self.add_part(body, collider, engine_body.friction);
-        body
-    }
-
-    /// Lets a body lose speed, and fall asleep when it rests, as the settling parameters say.
-    pub(crate) fn let_settle(&mut self, body: RigidBodyHandle, params: &SettleParams, velocity_m_s: Vector) {
-        let body = &mut self.bodies[body];
-        body.set_linear_damping(params.damping_1_s);
-        body.set_angular_damping(params.damping_1_s);
-        body.set_linvel(velocity_m_s * UNITS_PER_M, true);
-        let activation = body.activation_mut();
-        activation.normalized_linear_threshold = params.linear_speed_m_s_max / LENGTH_UNIT_M;
-        activation.angular_threshold = params.angular_speed_rad_s_max;
-        activation.time_until_sleep = params.rest_time_s;
-    }
-
-    /// Attaches a collider to a body.
-    pub(crate) fn add_part(
-        &mut self,
-        body: RigidBodyHandle,
-        collider: ColliderBuilder,
-        friction: f32,
-    ) -> ColliderHandle {
-        self.colliders.insert_with_parent(surface(collider, friction), body, &mut self.bodies)
-    }
-
-    /// Takes a fixed collider out again.
-    pub(crate) fn remove_fixed(&mut self, handle: ColliderHandle) {
-        self.colliders.remove(handle, &mut self.islands, &mut self.bodies, &mut self.soft_bodies, true);
-    }
-
-    /// Advances the world by one step.
-    pub(crate) fn step(&mut self, pipeline: &mut PhysicsPipeline) {
-        pipeline.step(
-            self.gravity,
-            &self.parameters,
-            &mut self.islands,
-            &mut self.broad_phase,
-            &mut self.narrow_phase,
-            &mut self.bodies,
-            &mut self.colliders,
-            &mut self.joints,
-            &mut self.multibody_joints,
-            &mut self.soft_bodies,
-            &mut self.ccd,
-            &(),
-            &(),
-        );
-    }
-
-    /// Steps a second.
-    pub(crate) fn step_rate_hz(&self) -> f32 {
-        1.0 / self.parameters.dt
-    }
-
-    /// Where a body's frame is.
-    pub(crate) fn pose(&self, body: RigidBodyHandle) -> Pose {
-        let pose = self.bodies[body].position();
-        Pose::from_parts(pose.translation / UNITS_PER_M, pose.rotation)
-    }
-
-    /// Velocity of a body's centre of mass in m/s, and its angular velocity in rad/s.
-    pub(crate) fn velocities(&self, body: RigidBodyHandle) -> [Vector; 2] {
-        let body = &self.bodies[body];
-        [body.linvel() / UNITS_PER_M, body.angvel()]
-    }
-
-    /// Whether a body has not been touched yet.
-    pub(crate) fn is_asleep(&self, body: RigidBodyHandle) -> bool {
-        self.bodies[body].is_sleeping()
-    }
-
-    /// Whether anything but `others` pressed on a collider in the last step.
-    pub(crate) fn is_touched_except_by(&self, collider: ColliderHandle, others: &[ColliderHandle]) -> bool {
-        self.narrow_phase.contact_pairs_with(collider).any(|pair| {
-            let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
-            !others.contains(&other) && pair.total_impulse_magnitude() > 0.0
-        })
-    }
-
-    /// What pressed on each other in the last step; `known` tells whose a collider is.
-    pub(crate) fn contacts(&self, known: impl Fn(ColliderHandle) -> ContactBody) -> Vec<Contact> {
-        let pressed = self.narrow_phase.contact_pairs().filter(|pair| pair.total_impulse_magnitude() > 0.0);
-        let contact = |pair: &ContactPair| {
-            let first = self.colliders[pair.collider1].position();
-            let points_m = pair.solver_manifolds().iter().flat_map(|manifold| {
-                let part = manifold.subshape_poses.as_ref().and_then(|poses| poses.pos1);
-                let pose = *first * part.unwrap_or(Pose::IDENTITY);
-                let bearing = manifold.points.iter().filter(|point| point.data.impulse > 0.0);
-                bearing.map(move |point| pose.transform_point(point.local_p1) / UNITS_PER_M)
-            });
-            Contact {
-                between: [pair.collider1, pair.collider2].map(&known),
-                points_m: points_m.collect(),
-                force_n: pair.total_impulse_magnitude() / (self.parameters.dt * UNITS_PER_M),
-            }
-        };
-        pressed.map(contact).collect()
-    }
-
-    /// Whether two colliders pressed on each other in the last step.
-    pub(crate) fn are_pressed(&self, a: ColliderHandle, b: ColliderHandle) -> bool {
-        self.narrow_phase.contact_pair(a, b).is_some_and(|pair| pair.total_impulse_magnitude() > 0.0)
-    }
+/// Where a body's frame is.
+pub(crate) fn pose_of(world: &PhysicsWorld, body: RigidBodyHandle) -> Pose {
+    let pose = world.bodies[body].position();
+    Pose::from_parts(pose.translation / UNITS_PER_M, pose.rotation)
 }
 
 fn in_units(pose: Pose) -> Pose {
     Pose::from_parts(pose.translation * UNITS_PER_M, pose.rotation)
 }
 
-fn surface(collider: ColliderBuilder, friction: f32) -> ColliderBuilder {
+/// A collider with a friction that is multiplied by the other's, and that nothing bounces off.
+pub(crate) fn surface(collider: ColliderBuilder, friction: f32) -> ColliderBuilder {
     collider.friction(friction).friction_combine_rule(CoefficientCombineRule::Multiply).restitution(0.0)
 }
 
@@ -318,11 +194,11 @@ mod tests {
 
     /// Mass in kg, centre of mass in m, and inertia about it in kg m², all as the engine has them in a body of a world.
     fn mass_of(body: &Body, mass_kg: f32) -> (f32, Vec3, Mat3) {
-        let mut world = World::new(&Physics::FAITHFUL, Vec3::ZERO);
         let at = Pose::IDENTITY;
+        let (mut world, _) = world_with_table(&Physics::FAITHFUL, Vec3::ZERO, &at, -1.0, &[]);
         let object = SceneObject { body: body.clone(), mass_kg, friction: 1.0, workspace_from_object: at };
-        let handle = world.add_object(&EngineBody::of(&object, LeastInertia::NONE), at, true);
-        world.step(&mut PhysicsPipeline::new());
+        let handle = add_object(&mut world, &EngineBody::of(&object, LeastInertia::NONE), at, true);
+        world.step();
         let found = world.bodies[handle].mass_properties().local_mprops;
         let inertia = found.reconstruct_inertia_matrix() * (1.0 / (UNITS_PER_M * UNITS_PER_M));
         (found.mass(), found.local_com / UNITS_PER_M, inertia)

@@ -14,7 +14,7 @@
 use rapier3d::prelude::*;
 use schema::{Gripper, HandBox, Vec3};
 
-use crate::engine::{UNITS_PER_M, World};
+use crate::engine::{UNITS_PER_M, pose_of, surface};
 
 /// Stiffness and damping of the gear between the fingers. Stiff enough that 3 N of weight shifts a grip by less than a
 /// millimetre; soft and damped enough that an explicit integrator at 240 Hz can do the same.
@@ -42,15 +42,15 @@ struct Finger {
 
 impl Hand {
     /// Puts the hand at the world's origin, its fingers closed by `closed_m` each, and closing if that is above 0.
-    pub(crate) fn insert(world: &mut World, gripper: &Gripper, closed_m: f32) -> Self {
+    pub(crate) fn insert(world: &mut PhysicsWorld, gripper: &Gripper, closed_m: f32) -> Self {
         let palm = world.bodies.insert(RigidBodyBuilder::kinematic_position_based());
         let boxed = |b: HandBox| {
             let half = b.half_m * UNITS_PER_M;
             ColliderBuilder::cuboid(half.x, half.y, half.z)
         };
         let palm_box = gripper.palm();
-        let palm_collider =
-            world.add_part(palm, boxed(palm_box).translation(palm_box.centre_m * UNITS_PER_M), gripper.friction);
+        let palm_collider = boxed(palm_box).translation(palm_box.centre_m * UNITS_PER_M);
+        let palm_collider = world.insert_collider(surface(palm_collider, gripper.friction), Some(palm));
         let [left, right] = gripper.fingers(gripper.opening_m_max);
         let fingers = [(left, 1.0), (right, -1.0)].map(|(finger, inward)| {
             let speed_m_s = if closed_m > 0.0 { gripper.closing_speed_m_s } else { 0.0 };
@@ -61,8 +61,8 @@ impl Hand {
                 .gravity_scale(0.0)
                 .locked_axes(LockedAxes::all() - LockedAxes::TRANSLATION_LOCKED_Y)
                 .can_sleep(false);
-            let body = world.bodies.insert(body);
-            let collider = world.add_part(body, boxed(finger).mass(gripper.finger_mass_kg), gripper.friction);
+            let collider = surface(boxed(finger).mass(gripper.finger_mass_kg), gripper.friction);
+            let (body, collider) = world.insert(body, collider);
             let joint = GenericJointBuilder::new(JointAxesMask::empty())
                 .local_axis1(axis)
                 .local_axis2(axis)
@@ -71,26 +71,26 @@ impl Hand {
                 .motor_max_force(JointAxis::LinX, gripper.finger_force_n * UNITS_PER_M)
                 .motor_velocity(JointAxis::LinX, gripper.closing_speed_m_s * UNITS_PER_M, DRIVE_GAIN)
                 .contacts_enabled(false);
-            let joint = world.joints.insert(palm, body, joint, true);
+            let joint = world.insert_impulse_joint(palm, body, joint);
             Finger { body, collider, joint, inward, open_m: finger.centre_m }
         });
         Self { palm, palm_collider, fingers, force_n: gripper.finger_force_n }
     }
 
     /// How far each finger has closed, in metres.
-    pub(crate) fn closed_m(&self, world: &World) -> [f32; 2] {
-        let palm_y_m = world.pose(self.palm).translation.y;
-        self.fingers.each_ref().map(|f| (world.pose(f.body).translation.y - palm_y_m - f.open_m.y) * f.inward)
+    pub(crate) fn closed_m(&self, world: &PhysicsWorld) -> [f32; 2] {
+        let palm_y_m = pose_of(world, self.palm).translation.y;
+        self.fingers.each_ref().map(|f| (pose_of(world, f.body).translation.y - palm_y_m - f.open_m.y) * f.inward)
     }
 
     /// Presses with the finger force and keeps the fingers' present asymmetry (call before every step of the lift).
-    pub(crate) fn press(&self, world: &mut World, asymmetry_at_contact_m: f32) {
+    pub(crate) fn press(&self, world: &mut PhysicsWorld, asymmetry_at_contact_m: f32) {
         let [left, right] = self.closed_m(world);
         let middle = 0.5 * (left + right);
         let preload = self.force_n / GEAR_STIFFNESS_N_M;
         for (finger, side) in self.fingers.iter().zip([0.5, -0.5]) {
             let target = middle + side * asymmetry_at_contact_m + preload;
-            let joint = world.joints.get_mut(finger.joint, true).expect("the hand's joints stay in its world");
+            let joint = world.impulse_joints.get_mut(finger.joint, true).expect("the hand's joints stay in its world");
             joint
                 .data
                 .set_motor_model(JointAxis::LinX, MotorModel::ForceBased)
@@ -100,9 +100,9 @@ impl Hand {
     }
 
     /// Tells the hand where to be at the end of the next step. Along their locked axes the fingers go with the palm.
-    pub(crate) fn move_to(&self, world: &mut World, position_m: Vec3) {
+    pub(crate) fn move_to(&self, world: &mut PhysicsWorld, position_m: Vec3) {
         world.bodies[self.palm].set_next_kinematic_translation(position_m * UNITS_PER_M);
-        let step_rate_hz = world.step_rate_hz();
+        let step_rate_hz = 1.0 / world.integration_parameters.dt;
         for finger in &self.fingers {
             let body = &mut world.bodies[finger.body];
             let sideways = ((position_m + finger.open_m) * UNITS_PER_M - body.translation()) * step_rate_hz;
@@ -111,14 +111,15 @@ impl Hand {
     }
 
     /// Whether both fingers press on a collider.
-    pub(crate) fn grips(&self, world: &World, collider: ColliderHandle) -> bool {
-        self.fingers.iter().all(|finger| world.are_pressed(finger.collider, collider))
+    pub(crate) fn grips(&self, world: &PhysicsWorld, collider: ColliderHandle) -> bool {
+        let pair = |finger: &Finger| world.contact_pair(finger.collider, collider);
+        self.fingers.iter().all(|finger| pair(finger).is_some_and(|pair| pair.total_impulse_magnitude() > 0.0))
     }
 
     /// By how much its boxes have moved since it was open and at the origin: left and right finger, palm.
-    pub(crate) fn moved_m(&self, world: &World) -> [Vec3; 3] {
-        let moved = |finger: &Finger| world.pose(finger.body).translation - finger.open_m;
-        [moved(&self.fingers[0]), moved(&self.fingers[1]), world.pose(self.palm).translation]
+    pub(crate) fn moved_m(&self, world: &PhysicsWorld) -> [Vec3; 3] {
+        let moved = |finger: &Finger| pose_of(world, finger.body).translation - finger.open_m;
+        [moved(&self.fingers[0]), moved(&self.fingers[1]), pose_of(world, self.palm).translation]
     }
 
     /// Its colliders.
