@@ -6,9 +6,8 @@
 //! 4. The outcome is the first that applies: `pregrasp_collision`, `approach_collision`, `empty`, `slipped`,
 //!    `hit_other`, `held`.
 
-use schema::{Engine, Gripper, HandBox, Outcome, Physics, Pose, Procedure, Vec3};
+use schema::{Engine, Gripper, HandBox, Outcome, Physics, Polyhedron, Pose, Procedure, Vec3};
 
-use crate::Scene;
 use crate::bodies::{AttemptEngine, RapierAttempt, RapierThings};
 use crate::engine::EngineBody;
 use crate::gate::{Gate, Hit};
@@ -16,6 +15,7 @@ use crate::mass_scaling::LeastInertia;
 use crate::shortcuts::{FreeClosing, LiftWatch};
 use crate::stepper::{Jaws, Stepper, Things};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
+use crate::{Scene, SceneObject};
 
 /// Fingers slower than this stand still …
 const STOPPED_SPEED_M_S: f32 = 0.002;
@@ -57,6 +57,19 @@ pub(crate) enum Objects {
     Rapier(RapierThings),
 }
 
+impl Objects {
+    /// Those of a scene; no object is less sluggish than `least`.
+    pub(crate) fn of(physics: &Physics, objects: &[SceneObject], fixtures: &[Polyhedron], least: LeastInertia) -> Self {
+        match physics.engine {
+            Engine::Stepper => Self::Stepper(Things::of(objects, fixtures, least)),
+            Engine::Rapier => Self::Rapier(RapierThings {
+                bodies: objects.iter().map(|o| (EngineBody::of(o, least), o.workspace_from_object)).collect(),
+                fixtures: fixtures.to_vec(),
+            }),
+        }
+    }
+}
+
 impl<'a> AttemptWorld<'a> {
     /// Makes a scene ready. The world is built from the scene's poses alone, so that stored rows give the same
     /// attempts.
@@ -73,14 +86,7 @@ impl<'a> AttemptWorld<'a> {
         scene: &Scene,
         least: LeastInertia,
     ) -> Self {
-        let Scene { objects, fixtures, .. } = scene;
-        let objects = match physics.engine {
-            Engine::Stepper => Objects::Stepper(Things::of(objects, fixtures, least)),
-            Engine::Rapier => Objects::Rapier(RapierThings {
-                bodies: objects.iter().map(|o| (EngineBody::of(o, least), o.workspace_from_object)).collect(),
-                fixtures: fixtures.clone(),
-            }),
-        };
+        let objects = Objects::of(physics, &scene.objects, &scene.fixtures, least);
         let gate = Gate::new(scene, gripper, procedure);
         Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, objects }
     }
@@ -548,7 +554,6 @@ mod tests {
     use schema::{Quat, ShapeKind, Solid, axis_angle};
 
     use super::*;
-    use crate::SceneObject;
 
     /// How far a block of `mass_kg` has fallen behind the hand at the end of lift and hold, in metres.
     fn lag_m(physics: &Physics, mass_kg: f32, hold_time_s: f32) -> f32 {

@@ -199,7 +199,7 @@ pub(crate) struct PileSetup<'a> {
     friction: f32,
     params: &'a SettleParams,
     table_z_m: f32,
-    objects: Vec<EngineBody>,
+    things: &'a RapierThings,
     walls: Vec<ColliderHandle>,
 }
 
@@ -208,25 +208,19 @@ const WALL_THICKNESS_M: f32 = 0.1;
 const WALL_HEIGHT_M: f32 = 0.4;
 
 impl<'a> RapierPile<'a> {
-    /// A table at `table_z_m` with `fixtures` for the `objects`, of which none is there yet.
-    pub(crate) fn new(
-        physics: &Physics,
-        params: &'a SettleParams,
-        objects: Vec<EngineBody>,
-        fixtures: &[Polyhedron],
-        table_z_m: f32,
-    ) -> Self {
+    /// A table at `table_z_m` with the fixtures for the objects of `things`, of which none is there yet.
+    pub(crate) fn new(physics: &Physics, params: &'a SettleParams, things: &'a RapierThings, table_z_m: f32) -> Self {
         let gravity_m_s2 = -Vec3::Z * physics.gravity_m_s2;
-        let (world, fixtures) = world_with_table(physics, gravity_m_s2, &Pose::IDENTITY, table_z_m, fixtures);
-        let beside = PileSetup { friction: physics.table_friction, params, table_z_m, objects, walls: Vec::new() };
+        let (world, fixtures) = world_with_table(physics, gravity_m_s2, &Pose::IDENTITY, table_z_m, &things.fixtures);
+        let beside = PileSetup { friction: physics.table_friction, params, table_z_m, things, walls: Vec::new() };
         Self { world, bodies: Vec::new(), fixtures, beside }
     }
 }
 
 impl PileEngine for RapierPile<'_> {
     fn add(&mut self, pose: &Pose, velocity_m_s: Vec3) {
-        let (objects, params) = (&self.beside.objects, self.beside.params);
-        let handle = add_object(&mut self.world, &objects[self.bodies.len()], *pose, true);
+        let PileSetup { params, things, .. } = self.beside;
+        let handle = add_object(&mut self.world, &things.bodies[self.bodies.len()].0, *pose, true);
         let body = &mut self.world.bodies[handle];
         body.set_linear_damping(params.damping_1_s);
         body.set_angular_damping(params.damping_1_s);

@@ -8,12 +8,12 @@
 //! the table, such as the board of a shelf, would be in the way: it is put in when the objects rest, and those that
 //! reach up to it are taken out.
 
-use schema::{Engine, Grid, Physics, Polyhedron, Pose, SettleParams, Vec3};
+use schema::{Grid, Physics, Polyhedron, Pose, SettleParams, Vec3};
 
+use crate::attempt::Objects;
 use crate::bodies::{PileEngine, RapierPile};
-use crate::engine::EngineBody;
 use crate::mass_scaling::LeastInertia;
-use crate::stepper::{Stepper, Things};
+use crate::stepper::Stepper;
 use crate::{Scene, SceneObject};
 
 /// A scene that came to rest.
@@ -61,8 +61,8 @@ pub fn settle(
 ) -> Result<Settled, Unsettled> {
     let stands = |fixture: &Polyhedron| bottom_z_m(fixture) < grid.table_z_m + STANDS_M;
     let (standing, hung): (Vec<Polyhedron>, Vec<Polyhedron>) = fixtures.iter().cloned().partition(stands);
-    let things = things(physics, &standing, drops);
-    let mut pile = Pile::new(physics, params, grid, &standing, drops, &things);
+    let things = Objects::of(physics, drops, &standing, LeastInertia::NONE);
+    let mut pile = Pile::new(physics, params, grid, &standing, &things);
     pile.heap.add_walls(grid.size_m);
     for (drop, known) in drops.iter().zip(0..) {
         let fall = Fall::until_near(physics, params, lowest_z_m(drop) - pile.top_z_m(&drops[..known]));
@@ -107,8 +107,8 @@ pub fn settle_again(
     // The loop ends: every round but the last has fewer objects.
     loop {
         all_sane(&objects, grid)?;
-        let things = things(physics, fixtures, &objects);
-        let mut pile = Pile { steps, ..Pile::new(physics, params, grid, fixtures, &objects, &things) };
+        let things = Objects::of(physics, &objects, fixtures, LeastInertia::NONE);
+        let mut pile = Pile { steps, ..Pile::new(physics, params, grid, fixtures, &things) };
         for object in &objects {
             pile.add(&object.workspace_from_object, Vec3::ZERO);
         }
@@ -137,31 +137,19 @@ struct Pile<'a> {
     steps: usize,
 }
 
-/// Fixtures and objects as the stepper wants them; none where rapier is asked.
-fn things(physics: &Physics, fixtures: &[Polyhedron], objects: &[SceneObject]) -> Things {
-    match physics.engine {
-        Engine::Stepper => Things::of(objects, fixtures, LeastInertia::NONE),
-        Engine::Rapier => Things::of(&[], &[], LeastInertia::NONE),
-    }
-}
-
 impl<'a> Pile<'a> {
-    /// A table with `fixtures` for `objects`, of which none is there yet.
+    /// A table with `fixtures` for `things`, of which none is there yet.
     fn new(
         physics: &'a Physics,
         params: &'a SettleParams,
         grid: &'a Grid,
         fixtures: &'a [Polyhedron],
-        objects: &[SceneObject],
-        things: &'a Things,
+        things: &'a Objects,
     ) -> Self {
         let settling = Physics { solver_iterations: params.solver_iterations, ..*physics };
-        let heap: Box<dyn PileEngine + 'a> = match physics.engine {
-            Engine::Stepper => Box::new(Stepper::pile(&settling, params.damping_1_s, things, grid.table_z_m)),
-            Engine::Rapier => {
-                let objects = objects.iter().map(|object| EngineBody::of(object, LeastInertia::NONE)).collect();
-                Box::new(RapierPile::new(&settling, params, objects, fixtures, grid.table_z_m))
-            }
+        let heap: Box<dyn PileEngine + 'a> = match things {
+            Objects::Stepper(things) => Box::new(Stepper::pile(&settling, params.damping_1_s, things, grid.table_z_m)),
+            Objects::Rapier(things) => Box::new(RapierPile::new(&settling, params, things, grid.table_z_m)),
         };
         Self { physics, params, grid, fixtures, heap, count: 0, steps: 0 }
     }
