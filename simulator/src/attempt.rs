@@ -12,7 +12,7 @@ use crate::bodies::{AttemptEngine, RapierAttempt, RapierThings};
 use crate::engine::EngineBody;
 use crate::gate::{Gate, Hit};
 use crate::mass_scaling::LeastInertia;
-use crate::shortcuts::{FreeClosing, LiftWatch};
+use crate::shortcuts::LiftWatch;
 use crate::stepper::{Jaws, Stepper, Things};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
 use crate::{Scene, SceneObject};
@@ -116,30 +116,15 @@ impl<'a> AttemptWorld<'a> {
         target: usize,
         mut watcher: Option<&'w mut (dyn Watcher + 'w)>,
     ) -> Execution {
-        let mut tell = |event: AttemptEvent| {
-            if let Some(watcher) = watcher.as_deref_mut() {
-                watcher.event(event, None);
+        let skipped_steps = match self.begin(workspace_from_grasp, target, watcher.as_deref_mut()) {
+            Ok(steps) => steps,
+            Err(end) => {
+                if let Some(watcher) = watcher {
+                    watcher.event(AttemptEvent::Decided(end), None);
+                }
+                return end;
             }
         };
-        if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
-            tell(AttemptEvent::Decided(blocked));
-            return blocked;
-        }
-        let mut skipped_steps = 0;
-        if self.physics.shortcuts {
-            match self.free_closing(workspace_from_grasp) {
-                FreeClosing::Empty { width_m, steps } => {
-                    let empty = Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m), steps: 0 };
-                    tell(AttemptEvent::NothingBetween { steps });
-                    tell(AttemptEvent::Decided(empty));
-                    return empty;
-                }
-                FreeClosing::Steps(steps) => {
-                    tell(AttemptEvent::ClosedFreely { steps });
-                    skipped_steps = steps;
-                }
-            }
-        }
         let mut run = Run::start(self, *workspace_from_grasp, target, skipped_steps, self.physics.shortcuts);
         run.watcher = watcher;
         let execution = run.finish();
@@ -170,9 +155,14 @@ impl<'a> AttemptWorld<'a> {
     /// nothing is in the way, and `None` if something is at the pre-grasp.
     #[must_use]
     pub fn halted(&self, workspace_from_grasp: &Pose) -> Option<Pose> {
-        let back_m = self.procedure.pregrasp_distance_m - self.gate.free_way_m(workspace_from_grasp)?;
-        let grasp_from_halted = Pose::from_translation(Vec3::new(0.0, 0.0, -back_m.max(0.0)));
-        Some(*workspace_from_grasp * grasp_from_halted)
+        let back_m = self.stops_short_m(workspace_from_grasp)?;
+        Some(*workspace_from_grasp * Pose::from_translation(Vec3::new(0.0, 0.0, -back_m)))
+    }
+
+    /// How far from the grasp that is, in metres.
+    pub(crate) fn stops_short_m(&self, workspace_from_grasp: &Pose) -> Option<f32> {
+        let way_m = self.gate.free_way_m(workspace_from_grasp)?;
+        Some((self.procedure.pregrasp_distance_m - way_m).max(0.0))
     }
 
     /// As [`Self::execute_leaving`] from where the hand stands open, however it came there.
@@ -188,19 +178,13 @@ impl<'a> AttemptWorld<'a> {
 
     /// A fresh copy of the scene with a hand in it.
     fn engine(&self, workspace_from_grasp: &Pose, closed_m: f32, all_awake: bool) -> Box<dyn AttemptEngine + '_> {
-        let (physics, gripper, table_z_m) = (self.physics, self.gripper, self.table_z_m);
         match &self.objects {
-            Objects::Stepper(things) => {
-                let (fingers, most_m) = (gripper.fingers(gripper.opening_m_max), 0.5 * gripper.opening_m_max);
-                let closed_m_max = self.gate.free_closing_m(workspace_from_grasp, &fingers, most_m);
-                let jaws = Jaws::new(gripper, closed_m, closed_m_max);
-                Box::new(Stepper::new(physics, jaws, things, table_z_m, workspace_from_grasp, all_awake))
-            }
+            Objects::Stepper(things) => Box::new(self.stepper(things, workspace_from_grasp, closed_m, all_awake)),
             Objects::Rapier(things) => Box::new(RapierAttempt::new(
-                physics,
-                gripper,
+                self.physics,
+                self.gripper,
                 things,
-                table_z_m,
+                self.table_z_m,
                 workspace_from_grasp,
                 closed_m,
                 all_awake,
@@ -208,8 +192,27 @@ impl<'a> AttemptWorld<'a> {
         }
     }
 
+    pub(crate) fn stepper<'s>(
+        &self,
+        things: &'s Things,
+        workspace_from_grasp: &Pose,
+        closed_m: f32,
+        all_awake: bool,
+    ) -> Stepper<'s> {
+        let (gripper, most_m) = (self.gripper, 0.5 * self.gripper.opening_m_max);
+        let fingers = gripper.fingers(gripper.opening_m_max);
+        let closed_m_max = self.gate.free_closing_m(workspace_from_grasp, &fingers, most_m);
+        let jaws = Jaws::new(gripper, closed_m, closed_m_max);
+        Stepper::new(self.physics, jaws, things, self.table_z_m, workspace_from_grasp, all_awake)
+    }
+
+    /// Opening between the inner faces of fingers that have closed by `closed_m` each, in metres.
+    pub(crate) fn width_m(&self, [left, right]: [f32; 2]) -> f32 {
+        (self.gripper.opening_m_max - left - right).max(0.0)
+    }
+
     /// The end of an attempt that the gate stops.
-    fn blocked(&self, workspace_from_grasp: &Pose, target: usize) -> Option<Execution> {
+    pub(crate) fn blocked(&self, workspace_from_grasp: &Pose, target: usize) -> Option<Execution> {
         let (outcome, hit) = self.gate.blocked(workspace_from_grasp, target)?;
         Some(Execution { outcome, hit: Some(hit), width_m: None, steps: 0 })
     }
@@ -288,14 +291,8 @@ impl<'a> Run<'a> {
             return self.ended(Outcome::Slipped, None, width_m);
         }
         let width_m = self.width_m();
-        let hit = match pushed {
-            Some(hit) => Some(hit),
-            None => self.raised(&before).or_else(|| self.lifted_into_fixture()),
-        };
-        match hit {
-            Some(hit) => self.ended(Outcome::HitOther, Some(hit), width_m),
-            None => self.ended(Outcome::Held, None, width_m),
-        }
+        let hit = pushed.or_else(|| self.raised(&before)).or_else(|| self.lifted_into_fixture());
+        self.ended(if hit.is_some() { Outcome::HitOther } else { Outcome::Held }, hit, width_m)
     }
 
     fn ended(&self, outcome: Outcome, hit: Option<Hit>, width_m: f32) -> Execution {
@@ -330,8 +327,7 @@ impl<'a> Run<'a> {
 
     /// Opening between the fingers' inner faces, in metres.
     fn width_m(&self) -> f32 {
-        let [left, right] = self.engine.closed_m();
-        (self.setup.gripper.opening_m_max - left - right).max(0.0)
+        self.setup.width_m(self.engine.closed_m())
     }
 
     /// Closes until both fingers stand still; gives the opening.

@@ -11,9 +11,8 @@ use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Quat, Vec3};
 use crate::attempt::{AttemptWorld, Execution, Objects, Stopping};
 use crate::bodies::{AttemptEngine as _, Bodies as _};
 use crate::mass_scaling::LeastInertia;
-use crate::shortcuts::FreeClosing;
-use crate::stepper::{Jaws, Stepper, Turning};
-use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
+use crate::stepper::{Stepper, Turning};
+use crate::watch::{Moment, Phase, Watcher};
 use crate::{Body, Obstruction, Scene, SceneObject};
 
 /// The table of a floating object is this far below it.
@@ -147,39 +146,10 @@ impl<'a> FloatingWorld<'a> {
         mut watcher: Option<&mut (dyn Watcher + '_)>,
     ) -> Result<Grip<'_>, Execution> {
         let world = &self.world;
-        let mut tell = |event: AttemptEvent| {
-            if let Some(watcher) = watcher.as_deref_mut() {
-                watcher.event(event, None);
-            }
-        };
-        if let Some((outcome, hit)) = world.gate.blocked(object_from_grasp, 0) {
-            return Err(Execution { outcome, hit: Some(hit), width_m: None, steps: 0 });
-        }
-        let empty = |width_m, steps| Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m), steps };
-        let mut skipped = 0;
-        if world.physics.shortcuts {
-            match world.free_closing(object_from_grasp) {
-                FreeClosing::Empty { width_m, steps } => {
-                    tell(AttemptEvent::NothingBetween { steps });
-                    return Err(empty(width_m, 0));
-                }
-                FreeClosing::Steps(steps) => {
-                    tell(AttemptEvent::ClosedFreely { steps });
-                    skipped = steps;
-                }
-            }
-        }
+        let skipped = world.begin(object_from_grasp, 0, watcher.as_deref_mut())?;
         let Objects::Stepper(things) = &world.objects else { unreachable!("the stepper was asked for") };
         let closed_m = skipped as f32 * world.closing_step_m();
-        let most_m = [0.5 * world.gripper.opening_m_max; 2];
-        let mut stepper = Stepper::new(
-            world.physics,
-            Jaws::new(world.gripper, closed_m, most_m),
-            things,
-            world.table_z_m,
-            object_from_grasp,
-            !world.physics.shortcuts,
-        );
+        let mut stepper = world.stepper(things, object_from_grasp, closed_m, !world.physics.shortcuts);
         stepper.accelerate(Vec3::ZERO, None);
         stepper.keep_pace(true);
         let before = Placed::of(&stepper);
@@ -193,9 +163,10 @@ impl<'a> FloatingWorld<'a> {
                 watcher.step(&moment(&stepper, Phase::Close, step + 1, object_from_grasp));
             }
             let closed_m = stepper.closed_m();
-            let width_m = world.gripper.opening_m_max - closed_m[0] - closed_m[1];
+            let width_m = world.width_m(closed_m);
             if width_m <= world.procedure.empty_width_m {
-                return Err(empty(width_m.max(0.0), step + 1 - skipped));
+                let (width_m, steps) = (Some(width_m), step + 1 - skipped);
+                return Err(Execution { outcome: Outcome::Empty, hit: None, width_m, steps });
             }
             if asymmetry_m.is_some() || stepper.is_gripped(0) {
                 stepper.press(*asymmetry_m.get_or_insert(closed_m[0] - closed_m[1]));
@@ -237,8 +208,7 @@ impl<'a> FloatingWorld<'a> {
     /// `None` if it touches the object at the pre-grasp.
     #[must_use]
     pub fn stops_short_m(&self, object_from_grasp: &Pose) -> Option<f32> {
-        let way_m = self.world.gate.free_way_m(object_from_grasp)?;
-        Some((self.world.procedure.pregrasp_distance_m - way_m).max(0.0))
+        self.world.stops_short_m(object_from_grasp)
     }
 }
 
@@ -274,8 +244,7 @@ impl Grip<'_> {
     /// Distance between the fingers, in metres.
     #[must_use]
     pub fn width_m(&self) -> f32 {
-        let [left, right] = self.stepper.closed_m();
-        (self.world.gripper.opening_m_max - left - right).max(0.0)
+        self.world.width_m(self.stepper.closed_m())
     }
 
     /// How the object moved while the hand closed.
@@ -330,8 +299,7 @@ impl Grip<'_> {
                 watcher.step(&moment(&stepper, Phase::Bear, *before + step + 1, &self.object_from_grasp));
             }
             motion = Placed::of(&stepper).motion(&before);
-            let [left, right] = stepper.closed_m();
-            let width_m = self.world.gripper.opening_m_max - left - right;
+            let width_m = self.world.width_m(stepper.closed_m());
             since_gripped = if stepper.is_gripped(0) { 0 } else { since_gripped + 1 };
             let is_lost = motion.moved_m > hold.moved_m_max || motion.turned_rad > hold.turned_rad_max;
             if is_lost || width_m <= procedure.empty_width_m {
@@ -406,6 +374,7 @@ mod tests {
     use schema::{ShapeKind, Solid};
 
     use super::*;
+    use crate::stepper::Jaws;
 
     const FAITHFUL: Physics = Physics { solver_iterations: 8, ..Physics::FAITHFUL };
     const TIGHT: Hold = Hold { moved_m_max: 0.002, turned_rad_max: 0.1 };

@@ -3,10 +3,11 @@
 //! None of this changes what a label means: with [`Physics::shortcuts`] off, everything is simulated, and
 //! `cargo bench -p generator` counts how often that ends differently.
 
-use schema::{Physics, Vec3};
+use schema::{Outcome, Physics, Pose, Vec3};
 
-use crate::attempt::{AttemptWorld, Run};
+use crate::attempt::{AttemptWorld, Execution, Run};
 use crate::tested_part::PlacedPart;
+use crate::watch::{AttemptEvent, Watcher};
 
 /// Fingers are simulated from this far before they touch something.
 const NEAR_M: f32 = 0.0005;
@@ -18,27 +19,38 @@ const STEADY_TIME_S: f32 = 0.025;
 /// Nothing may lie this near the way that hand and target have still to go.
 const WAY_CLEAR_M: f32 = 0.001;
 
-/// How far the open hand closes before anything happens.
-pub(crate) enum FreeClosing {
-    /// Until the jaws meet: nothing lies between them.
-    Empty {
-        /// Opening when the attempt ends.
-        width_m: f32,
-        /// Steps until then.
-        steps: usize,
-    },
-    /// So many steps.
-    Steps(usize),
-}
-
 impl AttemptWorld<'_> {
     /// How far a free finger closes in a step.
     pub(crate) fn closing_step_m(&self) -> f32 {
         self.gripper.closing_speed_m_s * self.physics.dt_s()
     }
 
-    /// The closing of a hand among objects at rest and fixtures, until it comes near one.
-    pub(crate) fn free_closing(&self, workspace_from_grasp: &schema::Pose) -> FreeClosing {
+    /// The steps of closing that need no simulation; or the end of an attempt that the gate stops, or that closes on
+    /// nothing.
+    pub(crate) fn begin(
+        &self,
+        workspace_from_grasp: &Pose,
+        target: usize,
+        watcher: Option<&mut (dyn Watcher + '_)>,
+    ) -> Result<usize, Execution> {
+        if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
+            return Err(blocked);
+        }
+        if !self.physics.shortcuts {
+            return Ok(0);
+        }
+        let (steps, width_m) = self.free_closing(workspace_from_grasp);
+        let empty = width_m.map(|_| Execution { outcome: Outcome::Empty, hit: None, width_m, steps: 0 });
+        if let Some(watcher) = watcher {
+            let nothing_between = AttemptEvent::NothingBetween { steps };
+            watcher.event(if empty.is_some() { nothing_between } else { AttemptEvent::ClosedFreely { steps } }, None);
+        }
+        empty.map_or(Ok(steps), Err)
+    }
+
+    /// For how many steps the open hand closes among objects at rest and fixtures before it comes near one; or until
+    /// the jaws meet, if nothing lies between them, and the opening then.
+    fn free_closing(&self, workspace_from_grasp: &Pose) -> (usize, Option<f32>) {
         let (gripper, step_m) = (self.gripper, self.closing_step_m());
         let near_m = NEAR_M + 2.0 * step_m;
         let mut objects = self.gate.placed(workspace_from_grasp);
@@ -64,9 +76,9 @@ impl AttemptWorld<'_> {
             && steps_to_meet as usize <= self.physics.steps(self.procedure.close_time_s_max)
         {
             let width_m = (gripper.opening_m_max - 2.0 * steps_to_meet * step_m).max(0.0);
-            return FreeClosing::Empty { width_m, steps: steps_to_meet as usize };
+            return (steps_to_meet as usize, Some(width_m));
         }
-        FreeClosing::Steps((free_m.min(0.5 * way_m) / step_m) as usize)
+        ((free_m.min(0.5 * way_m) / step_m) as usize, None)
     }
 }
 
