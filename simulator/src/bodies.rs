@@ -20,6 +20,12 @@ pub(crate) trait Bodies {
 
     /// Velocity of an object's centre of mass in m/s, and its angular velocity in rad/s.
     fn velocities(&self, object_id: usize) -> [Vec3; 2];
+
+    /// Whether an object moves no faster than that, in m/s and rad/s, against what moves by `frame_m_s`.
+    fn is_slow(&self, object_id: usize, frame_m_s: Vec3, [most_m_s, most_rad_s]: [f32; 2]) -> bool {
+        let [linear_m_s, angular_rad_s] = self.velocities(object_id);
+        (linear_m_s - frame_m_s).length() <= most_m_s && angular_rad_s.length() <= most_rad_s
+    }
 }
 
 /// What a pile asks of an engine.

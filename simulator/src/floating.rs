@@ -19,9 +19,8 @@ use crate::{Body, Obstruction, Scene, SceneObject};
 const FAR_M: f32 = 1e3;
 /// A pull comes up to its strength in this time, so that it is no blow.
 const RISE_S: f32 = 0.025;
-/// An object is at rest in the hand if it moves no faster than this, for [`REST_TIME_S`].
-const REST_SPEED_M_S: f32 = 0.001;
-const REST_TURN_RAD_S: f32 = 0.02;
+/// An object is at rest in the hand if it moves no faster than this, in m/s and rad/s, for [`REST_TIME_S`].
+const REST: [f32; 2] = [0.001, 0.02];
 const REST_TIME_S: f32 = 0.025;
 
 /// An object that floats at the origin of its own frame, made ready for grasps.
@@ -286,7 +285,7 @@ impl Grip<'_> {
         // What is light may leave a finger for a moment.
         let (mut since_gripped, mut resting) = (0, 0);
         // What got more inertia than its own comes into motion as much more slowly.
-        let slow = stepper.weight_share(0).sqrt();
+        let slow = REST.map(|speed| speed * stepper.weight_share(0).sqrt());
         let mut motion = Motion::default();
         for step in 0..physics.steps(load.time_s()) {
             let time_s = (step as f32 + 0.5) * physics.dt_s();
@@ -305,11 +304,8 @@ impl Grip<'_> {
             if is_lost || width_m <= procedure.empty_width_m {
                 return Ending { is_held: false, motion };
             }
-            let rests = || {
-                let [linear_m_s, angular_rad_s] = stepper.velocities(0);
-                linear_m_s.length() <= REST_SPEED_M_S * slow && angular_rad_s.length() <= REST_TURN_RAD_S * slow
-            };
-            resting = if load.is_steady(time_s) && since_gripped == 0 && rests() { resting + 1 } else { 0 };
+            let rests = load.is_steady(time_s) && since_gripped == 0 && stepper.is_slow(0, Vec3::ZERO, slow);
+            resting = if rests { resting + 1 } else { 0 };
             if physics.shortcuts && resting >= rest_steps {
                 break;
             }

@@ -173,13 +173,11 @@ impl<'a> Pile<'a> {
     fn rest(&mut self) -> Result<(), Unsettled> {
         let (physics, params) = (self.physics, self.params);
         let (wanted, limit) = (physics.steps(params.rest_time_s), physics.steps(params.time_s_max));
+        let slow = [params.linear_speed_m_s_max, params.angular_speed_rad_s_max];
         let mut resting = 0;
         for step in 1..=limit {
             self.heap.step();
-            let still = (0..self.count).all(|id| {
-                let [linear_m_s, angular_rad_s] = self.heap.velocities(id).map(Vec3::length);
-                linear_m_s <= params.linear_speed_m_s_max && angular_rad_s <= params.angular_speed_rad_s_max
-            });
+            let still = (0..self.count).all(|id| self.heap.is_slow(id, Vec3::ZERO, slow));
             resting = if still { resting + 1 } else { 0 };
             if resting >= wanted {
                 self.steps += step;
@@ -189,7 +187,7 @@ impl<'a> Pile<'a> {
         }
         let excess = |id: usize| {
             let [linear_m_s, angular_rad_s] = self.heap.velocities(id).map(Vec3::length);
-            (linear_m_s / params.linear_speed_m_s_max).max(angular_rad_s / params.angular_speed_rad_s_max)
+            (linear_m_s / slow[0]).max(angular_rad_s / slow[1])
         };
         let fastest = (0..self.count).max_by(|a, b| excess(*a).total_cmp(&excess(*b)));
         Err(Unsettled::Moving { fastest: fastest.unwrap_or(0) })

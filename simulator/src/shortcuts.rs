@@ -11,10 +11,9 @@ use crate::watch::{AttemptEvent, Watcher};
 
 /// Fingers are simulated from this far before they touch something.
 const NEAR_M: f32 = 0.0005;
-/// An object rides along if it moves no faster than this against the hand, for [`STEADY_TIME_S`]; others rest if they
-/// move no faster than this.
-const STEADY_SPEED_M_S: f32 = 0.001;
-const STEADY_TURN_RAD_S: f32 = 0.05;
+/// An object rides along if it moves no faster than this against the hand, in m/s and rad/s, for [`STEADY_TIME_S`];
+/// others rest if they move no faster than this.
+const STEADY: [f32; 2] = [0.001, 0.05];
 const STEADY_TIME_S: f32 = 0.025;
 /// Nothing may lie this near the way that hand and target have still to go.
 const WAY_CLEAR_M: f32 = 0.001;
@@ -116,19 +115,13 @@ impl LiftWatch {
 
 impl Run<'_> {
     fn rides_along(&self, velocity_m_s: Vec3) -> bool {
-        let [linear_m_s, angular_rad_s] = self.engine.velocities(self.target);
-        (linear_m_s - velocity_m_s).length() <= STEADY_SPEED_M_S
-            && angular_rad_s.length() <= STEADY_TURN_RAD_S
+        self.engine.is_slow(self.target, velocity_m_s, STEADY)
             && self.engine.is_gripped(self.target)
             && !self.engine.is_touched_by_others(self.target)
     }
 
     fn others_rest(&self) -> bool {
-        self.others().all(|id| {
-            let [linear_m_s, angular_rad_s] = self.engine.velocities(id);
-            self.engine.is_asleep(id)
-                || (linear_m_s.length() <= STEADY_SPEED_M_S && angular_rad_s.length() <= STEADY_TURN_RAD_S)
-        })
+        self.others().all(|id| self.engine.is_asleep(id) || self.engine.is_slow(id, Vec3::ZERO, STEADY))
     }
 
     fn way_is_free(&self, rest_m: Vec3) -> bool {
