@@ -35,14 +35,16 @@ impl Hit {
 /// A fixture is looked for this far above a grasp.
 const COVER_M: f32 = 0.5;
 
+/// Parts in their frame, and where that is in the workspace.
+type Obstacle = (Vec<TestedPart>, Pose);
+
 /// A scene and a hand, made ready for the test.
 #[derive(Clone)]
 pub struct Gate {
     table_z_m: f32,
-    /// The parts of each object, in its frame, and where it is.
-    obstacles: Vec<(Vec<TestedPart>, Pose)>,
-    /// The scene's fixtures, in the workspace.
-    fixtures: Vec<TestedPart>,
+    /// Of each object.
+    obstacles: Vec<Obstacle>,
+    fixtures: Obstacle,
     pregrasp: Vec<HandBox>,
     approach: Vec<HandBox>,
 }
@@ -53,7 +55,7 @@ impl Gate {
     pub fn new(scene: &Scene, gripper: &Gripper, procedure: &Procedure) -> Self {
         let hulls = |o: &SceneObject| o.body.polyhedra().iter().map(TestedPart::new).collect();
         let obstacles = scene.objects.iter().map(|o| (hulls(o), o.workspace_from_object)).collect();
-        let fixtures = scene.fixtures.iter().map(TestedPart::new).collect();
+        let fixtures = (scene.fixtures.iter().map(TestedPart::new).collect(), Pose::IDENTITY);
         let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
         let hand = gripper.open_hand();
         let pregrasp = hand.iter().map(|b| b.moved(-back).grown(gripper.clearance_m)).collect();
@@ -98,19 +100,13 @@ impl Gate {
     }
 
     /// Each box with each part of objects and fixtures that it overlaps, in the frame of a grasp.
-    fn touched(&self, boxes: &[HandBox], workspace_from_grasp: &Pose) -> Vec<(usize, EdgedPart)> {
-        let grasp_from_workspace = workspace_from_grasp.inverse();
-        let obstacles = self.obstacles.iter().map(|(hulls, pose)| (hulls, grasp_from_workspace * *pose));
-        let all = obstacles.chain([(&self.fixtures, grasp_from_workspace)]);
-        let parts = all.flat_map(|(hulls, pose)| hulls.iter().map(move |hull| (hull, pose)));
+    fn touched(&self, boxes: &[HandBox], workspace_from_grasp: &Pose) -> Vec<(usize, PlacedPart)> {
+        let all = (0..self.obstacles.len()).map(Some).chain([None]);
+        let parts = all.flat_map(|object_id| self.overlapped(object_id, workspace_from_grasp, boxes));
         let mut touched = Vec::new();
-        for (hull, grasp_from_part) in parts {
-            let Some(part) = EdgedPart::near(hull, &grasp_from_part, boxes) else { continue };
-            for (which, hand_box) in boxes.iter().enumerate() {
-                if part.overlaps(hand_box) {
-                    touched.push((which, part.clone()));
-                }
-            }
+        for part in parts {
+            let on = (0..boxes.len()).filter(|which| part.overlaps(&boxes[*which]));
+            touched.extend(on.map(|which| (which, part.clone())));
         }
         touched
     }
@@ -125,16 +121,16 @@ impl Gate {
         self.obstacles.iter().map(|(_, pose)| *pose)
     }
 
-    /// The parts of all objects in the frame of a grasp.
+    /// The parts of all objects, then the fixtures, in the frame of a grasp.
     pub(crate) fn placed(&self, workspace_from_grasp: &Pose) -> Vec<PlacedPart> {
         let grasp_from_workspace = workspace_from_grasp.inverse();
-        let in_grasp = |(hulls, pose): &(Vec<TestedPart>, Pose)| placed(hulls, &(grasp_from_workspace * *pose));
-        self.obstacles.iter().flat_map(in_grasp).collect()
+        let all = self.obstacles.iter().chain([&self.fixtures]);
+        all.flat_map(|(hulls, pose)| placed(hulls, &(grasp_from_workspace * *pose))).collect()
     }
 
     /// Whether the scene has fixtures.
     pub(crate) fn has_fixtures(&self) -> bool {
-        !self.fixtures.is_empty()
+        !self.fixtures.0.is_empty()
     }
 
     /// Whether a fixture is straight above the grasp, as the board of a shelf.
@@ -144,15 +140,9 @@ impl Gate {
         self.touches_fixtures(&at, &[point.swept(Vec3::Z * COVER_M)])
     }
 
-    /// The fixtures in the frame of a grasp.
-    pub(crate) fn placed_fixtures(&self, workspace_from_grasp: &Pose) -> Vec<PlacedPart> {
-        placed(&self.fixtures, &workspace_from_grasp.inverse())
-    }
-
     /// Whether any of `boxes`, in the frame of a grasp, overlaps a fixture.
     pub(crate) fn touches_fixtures(&self, workspace_from_grasp: &Pose, boxes: &[HandBox]) -> bool {
-        let grasp_from_workspace = workspace_from_grasp.inverse();
-        self.fixtures.iter().any(|hull| touches(hull, &grasp_from_workspace, boxes))
+        self.overlapped(None, workspace_from_grasp, boxes).next().is_some()
     }
 
     /// How far each finger of an open hand at a grasp can close before it meets a fixture, at most `most_m`, in metres,
@@ -170,9 +160,9 @@ impl Gate {
         })
     }
 
-    /// The parts of an object somewhere else.
-    pub(crate) fn placed_at(&self, object_id: usize, pose: &Pose) -> Vec<PlacedPart> {
-        placed(&self.obstacles[object_id].0, pose)
+    /// The parts of an object, or the fixtures, somewhere else.
+    pub(crate) fn placed_at(&self, object_id: Option<usize>, pose: &Pose) -> Vec<PlacedPart> {
+        placed(&self.obstacle(object_id).0, pose)
     }
 
     /// The parts of an object, or the fixtures, in the frame of a grasp, that any of `boxes` overlaps.
@@ -181,23 +171,19 @@ impl Gate {
         object_id: Option<usize>,
         workspace_from_grasp: &Pose,
         boxes: &[HandBox],
-    ) -> Vec<PlacedPart> {
-        let grasp_from_workspace = workspace_from_grasp.inverse();
-        let (hulls, grasp_from_object) = match object_id {
-            Some(id) => (&self.obstacles[id].0, grasp_from_workspace * self.obstacles[id].1),
-            None => (&self.fixtures, grasp_from_workspace),
-        };
-        let touched = hulls.iter().filter(|hull| touches(hull, &grasp_from_object, boxes));
-        touched.map(|hull| hull.placed(&grasp_from_object)).collect()
+    ) -> impl Iterator<Item = PlacedPart> {
+        let (hulls, workspace_from_part) = self.obstacle(object_id);
+        let grasp_from_part = workspace_from_grasp.inverse() * *workspace_from_part;
+        let near = hulls.iter().filter_map(move |hull| hull.near(&grasp_from_part, boxes));
+        near.filter(move |part| boxes.iter().any(|b| part.overlaps(b)))
+    }
+
+    fn obstacle(&self, object_id: Option<usize>) -> &Obstacle {
+        object_id.map_or(&self.fixtures, |id| &self.obstacles[id])
     }
 
     fn first_hit(&self, boxes: &[HandBox], workspace_from_grasp: &Pose, target: usize) -> Option<Hit> {
-        let grasp_from_workspace = workspace_from_grasp.inverse();
-        let touches = |id: &usize| {
-            let (hulls, workspace_from_object) = &self.obstacles[*id];
-            let grasp_from_object = grasp_from_workspace * *workspace_from_object;
-            hulls.iter().any(|hull| touches(hull, &grasp_from_object, boxes))
-        };
+        let touches = |id: &usize| self.overlapped(Some(*id), workspace_from_grasp, boxes).next().is_some();
         let others = (0..self.obstacles.len()).filter(|id| *id != target);
         if let Some(id) = core::iter::once(target).chain(others).find(touches) {
             return Some(Hit::object(id, target));
@@ -221,52 +207,6 @@ fn farthest(most: f32, is_free: impl Fn(f32) -> bool) -> f32 {
 
 fn placed(hulls: &[TestedPart], pose: &Pose) -> Vec<PlacedPart> {
     hulls.iter().map(|hull| hull.placed(pose)).collect()
-}
-
-fn touches(hull: &TestedPart, grasp_from_object: &Pose, boxes: &[HandBox]) -> bool {
-    EdgedPart::near(hull, grasp_from_object, boxes).is_some_and(|part| boxes.iter().any(|b| part.overlaps(b)))
-}
-
-/// A part in the frame of a grasp, with the directions of its edges.
-#[derive(Clone)]
-struct EdgedPart {
-    part: PlacedPart,
-    edges: Vec<Vec3>,
-}
-
-impl EdgedPart {
-    /// A part that is near one of some boxes.
-    fn near(hull: &TestedPart, grasp_from_object: &Pose, boxes: &[HandBox]) -> Option<Self> {
-        let centre_m = grasp_from_object.transform_point(hull.centre_m);
-        boxes.iter().any(|b| b.is_near(centre_m, hull.radius_m)).then(|| Self {
-            part: hull.placed(grasp_from_object),
-            edges: hull.edges.iter().map(|e| grasp_from_object.rotation * *e).collect(),
-        })
-    }
-
-    /// Whether a box and the part overlap, by separating axes: the box's axes, the solid's normals, and the products
-    /// of their edges. All in the box's axes.
-    ///
-    /// (parry's own test runs GJK, which took a faceted cylinder half a millimetre away for a touching one.)
-    fn overlaps(&self, hand_box: &HandBox) -> bool {
-        let Self { part, edges } = self;
-        let parted = |axis: Vec3| {
-            let [low, high] = part.span(axis);
-            let (middle, reach) = (axis.dot(hand_box.centre_m), axis.abs().dot(hand_box.half_m));
-            low - middle > reach || high - middle < -reach
-        };
-        let axes = [Vec3::X, Vec3::Y, Vec3::Z];
-        if !hand_box.is_near(part.centre_m, part.radius_m) || axes.into_iter().any(parted) {
-            return false;
-        }
-        if part.has_corner_in(hand_box) {
-            return true;
-        }
-        let crossed = axes.iter().flat_map(|a| edges.iter().map(|e| a.cross(*e)));
-        // Parallel edges give no axis of their own.
-        let useful = crossed.filter(|axis| axis.length_squared() > 1e-6);
-        !part.normals.iter().copied().chain(useful).any(parted)
-    }
 }
 
 #[cfg(test)]
@@ -349,7 +289,7 @@ pub(crate) mod tests {
             let scene = Scene { table_z_m: -1.0, fixtures: Vec::new(), objects: vec![object] };
             let gate = Gate::new(&scene, &gripper, &Procedure::PAPER);
             let (hulls, pose_of_object) = &gate.obstacles[0];
-            let got = touches(&hulls[0], pose_of_object, &[finger; 3]);
+            let got = hulls[0].near(pose_of_object, &[finger]).is_some_and(|part| part.overlaps(&finger));
             let corners: Vec<Vec3> = (0..8)
                 .map(|c| {
                     let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };

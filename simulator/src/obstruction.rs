@@ -56,8 +56,8 @@ impl AttemptWorld<'_> {
         let height_m = self.table_z_m - workspace_from_grasp.translation.z;
         let shared_m = |hand_box: &HandBox| match hit.kind {
             HitKind::Target | HitKind::Other | HitKind::Container => {
-                let parts = self.gate.overlapped(hit.object_id, workspace_from_grasp, &[*hand_box]);
-                parts.first().map(|part| point_in(part, hand_box))
+                let parts = self.gate.overlapped(hit.object_id, workspace_from_grasp, core::slice::from_ref(hand_box));
+                parts.map(|part| point_in(&part, hand_box)).next()
             }
             HitKind::Table => Some(lowest_corner_m(hand_box, up)).filter(|corner_m| up.dot(*corner_m) < height_m),
         };

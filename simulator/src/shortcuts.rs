@@ -52,8 +52,7 @@ impl AttemptWorld<'_> {
     fn free_closing(&self, workspace_from_grasp: &Pose) -> (usize, Option<f32>) {
         let (gripper, step_m) = (self.gripper, self.closing_step_m());
         let near_m = NEAR_M + 2.0 * step_m;
-        let mut objects = self.gate.placed(workspace_from_grasp);
-        objects.extend(self.gate.placed_fixtures(workspace_from_grasp));
+        let objects = self.gate.placed(workspace_from_grasp);
         let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
         let fingers = gripper.fingers(gripper.opening_m_max).into_iter().zip([Vec3::Y, -Vec3::Y]);
         let free_m = fingers
@@ -127,11 +126,11 @@ impl Run<'_> {
     fn way_is_free(&self, rest_m: Vec3) -> bool {
         let length_m = rest_m.length();
         let Some(direction) = rest_m.try_normalize() else { return true };
-        let placed = |id: usize| self.setup.gate.placed_at(id, &self.engine.pose(id));
+        let placed = |id: usize| self.setup.gate.placed_at(Some(id), &self.engine.pose(id));
         let mut movers = placed(self.target);
         let hand = self.setup.gripper.open_hand().into_iter().zip(self.engine.hand_moved_m());
         movers.extend(hand.map(|(hand_box, moved_m)| PlacedPart::from_box(&hand_box, moved_m)));
-        let fixtures = self.setup.gate.placed_fixtures(&self.workspace_from_grasp);
+        let fixtures = self.setup.gate.placed_at(None, &self.workspace_from_grasp.inverse());
         self.others().flat_map(placed).chain(fixtures).all(|other| {
             movers.iter().all(|mover| {
                 let apart = other.centre_m - mover.centre_m;
