@@ -97,7 +97,7 @@ impl PoseParts {
 }
 
 /// A box of the hand in the grasp frame, axes along the frame's.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct HandBox {
     /// Centre, in metres.
     pub centre_m: Vec3,

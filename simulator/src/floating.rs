@@ -150,7 +150,7 @@ impl<'a> FloatingWorld<'a> {
         let closed_m = skipped as f32 * world.closing_step_m();
         let mut stepper = world.stepper(things, object_from_grasp, closed_m, !world.physics.shortcuts);
         stepper.accelerate(Vec3::ZERO, None);
-        stepper.keep_pace(true);
+        stepper.jaws.keep_pace(true);
         let before = Placed::of(&stepper);
         let mut fingers = Stopping::new(world.physics, stepper.closed_m());
         // On a table friction ends what the first touch began; what floats would drift on between two fingers that
@@ -174,7 +174,7 @@ impl<'a> FloatingWorld<'a> {
                 break;
             }
         }
-        stepper.keep_pace(false);
+        stepper.jaws.keep_pace(false);
         let [left, right] = stepper.closed_m();
         let asymmetry_m = asymmetry_m.unwrap_or(left - right);
         let after = Placed::of(&stepper);
@@ -200,7 +200,7 @@ impl<'a> FloatingWorld<'a> {
     #[must_use]
     pub fn centre_of_mass_m(&self) -> Vec3 {
         let Objects::Stepper(things) = &self.world.objects else { unreachable!("the stepper was asked for") };
-        things.centre_m(0)
+        things.moving[0].centre_m
     }
 
     /// By how much the open hand stops short of a grasp when it comes along the approach and halts before the object;
@@ -279,7 +279,7 @@ impl Grip<'_> {
     ) -> Ending {
         let (physics, procedure) = (self.world.physics, self.world.procedure);
         let mut stepper = self.stepper.clone();
-        stepper.scale_friction(friction_factor);
+        stepper.jaws.friction *= friction_factor;
         let before = Placed::of(&stepper);
         let rest_steps = physics.steps(REST_TIME_S);
         // What is light may leave a finger for a moment.

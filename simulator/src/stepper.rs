@@ -10,7 +10,6 @@
 
 mod contact;
 mod jaws;
-mod near;
 mod patch;
 mod pile;
 mod push;
@@ -55,7 +54,7 @@ pub(crate) struct Stepper<'a> {
     /// The table, then walls.
     planes: Vec<Plane>,
     passes: [Pass; 3],
-    jaws: Jaws,
+    pub(crate) jaws: Jaws,
     /// Of the first things.
     bodies: Vec<Body>,
     singles: Contacts<1>,
@@ -75,7 +74,7 @@ struct Plane {
     offset_m: f32,
 }
 
-#[derive(Clone)]
+#[derive(Clone, Default)]
 struct Body {
     rotation: Quat,
     frame: Frame,
@@ -91,23 +90,10 @@ struct Body {
 
 impl Body {
     fn new(thing: &Thing, pose: &Pose, is_awake: bool) -> Self {
-        let answer = Answer {
-            centre_m: pose.transform_point(thing.centre_m),
-            inverse_mass: 1.0 / thing.mass_kg,
-            principal: [Vec3::ZERO; 3],
-            scaled_axes: [Vec3::ZERO; 3],
-        };
-        let mut body = Self {
-            rotation: pose.rotation,
-            frame: Frame { axes: [Vec3::ZERO; 3], origin_m: Vec3::ZERO },
-            answer,
-            velocity_m_s: Vec3::ZERO,
-            spin_rad_s: Vec3::ZERO,
-            speeds: Motion::default(),
-            ways: Motion::default(),
-            weight_share: thing.weight_share,
-            is_awake,
-        };
+        let (centre_m, inverse_mass) = (pose.transform_point(thing.centre_m), 1.0 / thing.mass_kg);
+        let answer = Answer { centre_m, inverse_mass, ..Answer::default() };
+        let (rotation, weight_share) = (pose.rotation, thing.weight_share);
+        let mut body = Self { rotation, answer, weight_share, is_awake, ..Self::default() };
         body.place(thing);
         body
     }
@@ -248,16 +234,6 @@ impl<'a> Stepper<'a> {
         (self.gravity_m_s2, self.turning) = (gravity_m_s2, turning);
     }
 
-    /// Whether the fingers close no faster than the hand does, also where they press.
-    pub(crate) fn keep_pace(&mut self, keeps: bool) {
-        self.jaws.keep_pace(keeps);
-    }
-
-    /// Multiplies the friction of the hand, from the next step on.
-    pub(crate) fn scale_friction(&mut self, factor: f32) {
-        self.jaws.friction *= factor;
-    }
-
     /// Where a finger presses on a body: the middle of the points on the part on which it presses most.
     pub(crate) fn pressed_at_m(&self, finger: usize, id: usize) -> Option<Vec3> {
         let on = self.singles.iter().filter(|c| c.first == 1 + finger && c.second == id).map(Contact::bearing);
@@ -379,8 +355,15 @@ impl<'a> Stepper<'a> {
         let things = self.things;
         let mut near = core::mem::take(&mut self.near_parts);
         for (found, [id, other]) in near.iter_mut().zip([[first, second], [second, first]]) {
+            // Of many parts few come near.
             let (frame, centre_m) = (&self.bodies[id].frame, self.bodies[other].answer.centre_m);
-            near::parts_near(&things[id].parts, frame, centre_m, things[other].radius_m, found);
+            let is_near = |part: &usize| {
+                let hull = &things[id].parts[*part].hull;
+                let reach_m = hull.radius_m + things[other].radius_m + patch::PREDICTION_M;
+                (frame.in_world(hull.centre_m) - centre_m).length_squared() <= reach_m * reach_m
+            };
+            found.clear();
+            found.extend((0..things[id].parts.len()).filter(is_near));
         }
         for part in near[0].iter().copied() {
             for other_part in near[1].iter().copied() {

@@ -27,7 +27,7 @@ pub(super) struct Motion {
 }
 
 /// What a body answers to an impulse.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Answer {
     pub(super) centre_m: Vec3,
     pub(super) inverse_mass: f32,

@@ -10,7 +10,7 @@ use crate::hand::{GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M};
 const STOP_M: f32 = 0.001;
 
 /// A hand's palm and fingers.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(crate) struct Jaws {
     /// As when the hand is open and at the origin.
     boxes: [HandBox; 3],
@@ -23,14 +23,14 @@ pub(crate) struct Jaws {
     palm_m: Vec3,
     palm_velocity_m_s: Vec3,
     pub(super) finger_inverse_mass: f32,
-    pub(super) friction: f32,
+    pub(crate) friction: f32,
     fingers: [Finger; 2],
     /// How far each finger is to close; while closing, as far as it can.
     targets_m: Option<[f32; 2]>,
 }
 
 /// A finger along y.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Finger {
     /// Direction of closing.
     inward: f32,
@@ -55,9 +55,8 @@ impl Jaws {
             inward,
             y_m: opened.centre_m.y + inward * closed_m,
             velocity_m_s: inward * speed_m_s,
-            way_m: 0.0,
-            impulse: 0.0,
             travel_m: closed_m,
+            ..Finger::default()
         };
         Self {
             boxes: [left, right, gripper.palm()],
@@ -65,32 +64,18 @@ impl Jaws {
             closing_speed_m_s: gripper.closing_speed_m_s,
             fastest_m_s: f32::INFINITY,
             force_n: gripper.finger_force_n,
-            palm_m: Vec3::ZERO,
-            palm_velocity_m_s: Vec3::ZERO,
             finger_inverse_mass: 1.0 / gripper.finger_mass_kg,
             friction: gripper.friction,
             fingers: [(left, 1.0), (right, -1.0)].map(finger),
-            targets_m: None,
+            ..Self::default()
         }
     }
 
     /// No hand: one without size, far from everything.
     pub(super) fn absent() -> Self {
         let point = HandBox { centre_m: Vec3::splat(1e6), half_m: Vec3::ZERO };
-        let finger = Finger { inward: 1.0, y_m: 1e6, velocity_m_s: 0.0, way_m: 0.0, impulse: 0.0, travel_m: 0.0 };
-        Self {
-            boxes: [point; 3],
-            closed_m_max: [0.0; 2],
-            closing_speed_m_s: 0.0,
-            fastest_m_s: f32::INFINITY,
-            force_n: 0.0,
-            palm_m: Vec3::ZERO,
-            palm_velocity_m_s: Vec3::ZERO,
-            finger_inverse_mass: 0.0,
-            friction: 0.0,
-            fingers: [finger, finger],
-            targets_m: None,
-        }
+        let finger = Finger { inward: 1.0, y_m: 1e6, ..Finger::default() };
+        Self { boxes: [point; 3], fastest_m_s: f32::INFINITY, fingers: [finger; 2], ..Self::default() }
     }
 
     pub(super) fn closed_m(&self) -> [f32; 2] {
@@ -139,7 +124,7 @@ impl Jaws {
 
     /// Whether from now on no finger closes faster than the hand closes, also where it presses: what slips out from
     /// between fingers that close may be thinner than their way in a step.
-    pub(super) fn keep_pace(&mut self, keeps: bool) {
+    pub(crate) fn keep_pace(&mut self, keeps: bool) {
         self.fastest_m_s = if keeps { self.closing_speed_m_s } else { f32::INFINITY };
     }
 

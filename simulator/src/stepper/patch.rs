@@ -38,7 +38,7 @@ pub(super) struct Patch {
 }
 
 /// A body's frame in the world: a point of the body goes to `origin_m` + its coordinates along `axes`.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Frame {
     pub(super) axes: [Vec3; 3],
     pub(super) origin_m: Vec3,
@@ -87,12 +87,6 @@ impl Frame {
 }
 
 impl Patch {
-    fn one(normal: Vec3, point_m: Vec3, gap_m: f32) -> Self {
-        let mut points_m = [Vec3::ZERO; 4];
-        points_m[0] = point_m;
-        Self { normal, count: 1, points_m, gaps_m: [gap_m, 0.0, 0.0, 0.0] }
-    }
-
     fn flipped(self) -> Self {
         Self { normal: -self.normal, ..self }
     }
@@ -148,7 +142,7 @@ fn face_on_plane(up: Vec3, height_m: f32, part: &Part, scratch: &mut Scratch) ->
         // The lowest corner need not belong to the face that looks down most.
         let height = |corner: &Vec3| up.dot(*corner);
         let lowest = hull.corners_m.iter().copied().min_by(|a, b| height(a).total_cmp(&height(b)));
-        lowest.map(|corner| Patch::one(up, corner - up * (0.5 * low_m), low_m))
+        lowest.map(|corner| Chosen { places: [0; 4], count: 1 }.patch(&[(corner, low_m)], up))
     };
     patch.filter(|patch| patch.is_as_deep_as(low_m)).or_else(corner)
 }

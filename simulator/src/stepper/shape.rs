@@ -9,7 +9,7 @@ use crate::{PartShape, SceneObject};
 
 /// What a stepper moves, and what stands in its way beside the table.
 pub(crate) struct Things {
-    pub(super) moving: Vec<Thing>,
+    pub(crate) moving: Vec<Thing>,
     /// In the workspace.
     pub(super) fixtures: Vec<Part>,
 }
@@ -21,13 +21,6 @@ impl Things {
             moving: objects.iter().map(|object| Thing::of(object, least)).collect(),
             fixtures: fixtures.iter().map(|fixture| Part::new(fixture, false)).collect(),
         }
-    }
-}
-
-impl Things {
-    /// The centre of mass of an object, in its frame, in metres.
-    pub(crate) fn centre_m(&self, id: usize) -> Vec3 {
-        self.moving[id].centre_m
     }
 }
 
@@ -54,7 +47,7 @@ pub(crate) fn span(points: &[Wide3], axis: Vec3) -> [f32; 2] {
 }
 
 /// An object, in its own frame.
-pub(super) struct Thing {
+pub(crate) struct Thing {
     pub(super) parts: Vec<Part>,
     /// Its inertia.
     pub(super) mass_kg: f32,
@@ -62,7 +55,7 @@ pub(super) struct Thing {
     pub(super) weight_share: f32,
     pub(super) friction: f32,
     /// Centre of mass.
-    pub(super) centre_m: Vec3,
+    pub(crate) centre_m: Vec3,
     /// Every corner is within this of the centre of mass.
     pub(super) radius_m: f32,
     /// Square roots of the inverse principal moments, in 1/√(kg m²).
