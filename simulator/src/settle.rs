@@ -8,7 +8,7 @@
 //! the table, such as the board of a shelf, would be in the way: it is put in when the objects rest, and those that
 //! reach up to it are taken out.
 
-use schema::{Grid, Physics, Polyhedron, Pose, SettleParams, Vec3};
+use schema::{Grid, Physics, Polyhedron, Pose, SettleParams, Vec3, bounds_m};
 
 use crate::attempt::Objects;
 use crate::bodies::{PileEngine, RapierPile};
@@ -59,13 +59,14 @@ pub fn settle(
     fixtures: &[Polyhedron],
     drops: &[SceneObject],
 ) -> Result<Settled, Unsettled> {
+    let bottom_z_m = |fixture: &Polyhedron| bounds_m(fixture.corners_m())[0].z;
     let stands = |fixture: &Polyhedron| bottom_z_m(fixture) < grid.table_z_m + STANDS_M;
     let (standing, hung): (Vec<Polyhedron>, Vec<Polyhedron>) = fixtures.iter().cloned().partition(stands);
     let things = Objects::of(physics, drops, &standing, LeastInertia::NONE);
     let mut pile = Pile::new(physics, params, grid, &standing, &things);
     pile.heap.add_walls(grid.size_m);
     for (drop, known) in drops.iter().zip(0..) {
-        let fall = Fall::until_near(physics, params, lowest_z_m(drop) - pile.top_z_m(&drops[..known]));
+        let fall = Fall::until_near(physics, params, heights_m(drop)[0] - pile.top_z_m(&drops[..known]));
         let mut pose = drop.workspace_from_object;
         pose.translation.z -= fall.way_m;
         pile.add(&pose, -Vec3::Z * fall.speed_m_s);
@@ -77,7 +78,7 @@ pub fn settle(
     let mut objects = pile.objects(drops)?;
     objects.retain(|object| is_over_workspace(object, grid));
     let below_z_m = hung.iter().map(bottom_z_m).fold(f32::INFINITY, f32::min);
-    objects.retain(|object| highest_z_m(object) < below_z_m);
+    objects.retain(|object| heights_m(object)[1] < below_z_m);
     if objects.is_empty() {
         return Err(Unsettled::Empty);
     }
@@ -232,28 +233,18 @@ impl Fall {
     }
 }
 
-/// Height of an object's lowest corner.
-fn lowest_z_m(object: &SceneObject) -> f32 {
-    let z_m = |corner: &Vec3| object.workspace_from_object.transform_point(*corner).z;
-    object.body.vertices_m().iter().map(z_m).fold(f32::INFINITY, f32::min)
-}
-
-/// Height of an object's highest corner.
-fn highest_z_m(object: &SceneObject) -> f32 {
-    let z_m = |corner: &Vec3| object.workspace_from_object.transform_point(*corner).z;
-    object.body.vertices_m().iter().map(z_m).fold(f32::NEG_INFINITY, f32::max)
-}
-
-/// Height of a fixture's lowest corner.
-fn bottom_z_m(fixture: &Polyhedron) -> f32 {
-    fixture.corners_m().iter().map(|corner| corner.z).fold(f32::INFINITY, f32::min)
+/// Heights of an object's lowest and highest corner.
+fn heights_m(object: &SceneObject) -> [f32; 2] {
+    let z_m = |corner: Vec3| object.workspace_from_object.transform_point(corner).z;
+    let heights_m = object.body.vertices_m().into_iter().map(z_m);
+    heights_m.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], z_m| [low.min(z_m), high.max(z_m)])
 }
 
 fn all_sane(objects: &[SceneObject], grid: &Grid) -> Result<(), Unsettled> {
     let middle = Vec3::splat(0.5 * grid.size_m);
     let is_sane = |object: &SceneObject| {
         (object.workspace_from_object.translation - middle).length() < ESCAPE_DISTANCE_M
-            && lowest_z_m(object) > grid.table_z_m - SUNK_DEPTH_M
+            && heights_m(object)[0] > grid.table_z_m - SUNK_DEPTH_M
     };
     if objects.iter().all(is_sane) { Ok(()) } else { Err(Unsettled::Unstable) }
 }
