@@ -61,9 +61,6 @@ pub fn convex_parts(
 ) -> Result<ConvexParts, HullError> {
     let [low, high] = bounds_m(corners_m);
     let size_m = (high - low).max_element();
-    if !corners_m.iter().all(|c| c.is_finite()) {
-        return Err(HullError::Corner);
-    }
     if size_m <= 0.0 {
         return Err(HullError::Flat);
     }
@@ -74,10 +71,10 @@ pub fn convex_parts(
     }
     let simple_m = (FLAT_SHARE * size_m).min(SIMPLE_SHARE * params.tolerance_m);
     let mut parts = ConvexParts { hulls: Vec::new(), simplified_m: 0.0, filled_m: 0.0 };
-    for piece in pieces::pieces(corners_m, triangles, params) {
-        parts.filled_m = parts.filled_m.max(piece.filled_m);
+    for (corners_m, filled_m) in pieces::pieces(corners_m, triangles, params) {
+        parts.filled_m = parts.filled_m.max(filled_m);
         let simple = |points_m: &[Vec3]| simplified(points_m, params.corners_max, simple_m).ok();
-        let made = simple(&piece.corners_m).or_else(|| simple(&thickened(&piece.corners_m)?));
+        let made = simple(&corners_m).or_else(|| simple(&thickened(&corners_m)?));
         // What has no hull with a volume is left out; the volume of the parts shows the loss.
         let Some((hull, left_m)) = made else { continue };
         parts.simplified_m = parts.simplified_m.max(left_m);

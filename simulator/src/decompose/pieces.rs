@@ -58,14 +58,6 @@ struct Measured {
     bounds_m: [Vec3; 2],
 }
 
-/// A piece as it is in the end.
-pub(super) struct Finished {
-    /// The corners of its hull.
-    pub(super) corners_m: Vec<Vec3>,
-    /// How far the surface lies inside of that, in metres.
-    pub(super) filled_m: f32,
-}
-
 /// All points and planes.
 struct Cutter<'a> {
     params: &'a PartsParams,
@@ -76,8 +68,9 @@ struct Cutter<'a> {
     directions: Vec<Vec3>,
 }
 
-/// The pieces of a mesh: so many that their hulls leave its surface by no more than the tolerance, if not too many.
-pub(super) fn pieces(corners_m: &[Vec3], triangles: &[[u32; 3]], params: &PartsParams) -> Vec<Finished> {
+/// The pieces of a mesh: so many that their hulls leave its surface by no more than the tolerance, if not too many. Of
+/// each the corners of its hull, and how far the surface lies inside of that, in metres.
+pub(super) fn pieces(corners_m: &[Vec3], triangles: &[[u32; 3]], params: &PartsParams) -> Vec<(Vec<Vec3>, f32)> {
     let [low, high] = bounds_m(corners_m);
     let size_m = (high - low).max_element();
     let golden = core::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
@@ -120,7 +113,11 @@ pub(super) fn pieces(corners_m: &[Vec3], triangles: &[[u32; 3]], params: &PartsP
         let nearest = (0..all.len()).min_by(|a, b| away_m2(&all[*a]).total_cmp(&away_m2(&all[*b]))).unwrap_or(0);
         all[nearest] = cutter.measured(cutter.united(&all[nearest].piece, &small.piece));
     }
-    all.into_iter().map(|one| cutter.finished(one)).collect()
+    let finished = |Measured { piece, corners_m, filled_m, .. }: Measured| {
+        let corners_m = if corners_m.is_empty() { cutter.all_m(&cutter.points_of(&piece)) } else { corners_m };
+        (corners_m, filled_m)
+    };
+    all.into_iter().map(finished).collect()
 }
 
 impl Measured {
@@ -130,12 +127,6 @@ impl Measured {
 }
 
 impl Cutter<'_> {
-    /// A piece with the hull of all of its points.
-    fn finished(&self, Measured { piece, corners_m, filled_m, .. }: Measured) -> Finished {
-        let corners_m = if corners_m.is_empty() { self.all_m(&self.points_of(&piece)) } else { corners_m };
-        Finished { corners_m, filled_m }
-    }
-
     fn all_m(&self, points: &[u32]) -> Vec<Vec3> {
         points.iter().map(|point| self.points_m[*point as usize]).collect()
     }
@@ -457,11 +448,11 @@ impl Cutter<'_> {
                 sides[usize::from(!is_top_of_lower)].triangles.push(*triangle);
                 continue;
             }
-            let outline = crossings.outline(*triangle, above, &mut self.points_m);
-            for (half, polygon) in sides.iter_mut().zip(&outline.sides) {
+            let (polygons, on_plane) = crossings.outline(*triangle, above, &mut self.points_m);
+            for (half, polygon) in sides.iter_mut().zip(&polygons) {
                 (2..polygon.len()).for_each(|i| half.triangles.push([polygon[0], polygon[i - 1], polygon[i]]));
                 // A triangle that ends at the plane has no part in what is on the other side.
-                if let (&[a, b], 3..) = (&outline.on_plane[..], polygon.len()) {
+                if let (&[a, b], 3..) = (&on_plane[..], polygon.len()) {
                     half.outlines.push((number, [a, b]));
                 }
             }
@@ -512,12 +503,6 @@ struct Crossings {
     on_plane_m: f32,
 }
 
-/// A triangle that was cut: the polygons below and above, and the points on the plane.
-struct Outline {
-    sides: [Vec<u32>; 2],
-    on_plane: Vec<u32>,
-}
-
 impl Crossings {
     fn above(&self, at_m: Vec3) -> f32 {
         let above_m = self.plane.normal.dot(at_m) - self.plane.offset_m;
@@ -533,24 +518,30 @@ impl Crossings {
         })
     }
 
-    fn outline(&mut self, triangle: [u32; 3], above_m: [f32; 3], points_m: &mut Vec<Vec3>) -> Outline {
-        let mut outline = Outline { sides: [Vec::new(), Vec::new()], on_plane: Vec::new() };
+    /// A triangle that is cut: the polygons below and above, and the points on the plane.
+    fn outline(
+        &mut self,
+        triangle: [u32; 3],
+        above_m: [f32; 3],
+        points_m: &mut Vec<Vec3>,
+    ) -> ([Vec<u32>; 2], Vec<u32>) {
+        let (mut sides, mut on_plane) = ([Vec::new(), Vec::new()], Vec::new());
         for i in 0..3 {
             let (j, corner) = ((i + 1) % 3, triangle[i]);
             if above_m[i] <= 0.0 {
-                outline.sides[0].push(corner);
+                sides[0].push(corner);
             }
             if above_m[i] >= 0.0 {
-                outline.sides[1].push(corner);
+                sides[1].push(corner);
             }
             if above_m[i] == 0.0 {
-                outline.on_plane.push(corner);
+                on_plane.push(corner);
             } else if above_m[i] * above_m[j] < 0.0 {
                 let at = self.between([corner, triangle[j]], [above_m[i], above_m[j]], points_m);
-                outline.sides.iter_mut().for_each(|side| side.push(at));
-                outline.on_plane.push(at);
+                sides.iter_mut().for_each(|side| side.push(at));
+                on_plane.push(at);
             }
         }
-        outline
+        (sides, on_plane)
     }
 }
