@@ -8,9 +8,10 @@
 
 use schema::{Engine, Gripper, HandBox, Outcome, Physics, Polyhedron, Pose, Procedure, Vec3};
 
-use crate::bodies::{AttemptEngine, RapierAttempt, RapierThings};
+use crate::bodies::{AttemptEngine, RapierThings};
 use crate::engine::EngineBody;
 use crate::gate::{Gate, Hit};
+use crate::hand::RapierAttempt;
 use crate::mass_scaling::LeastInertia;
 use crate::shortcuts::LiftWatch;
 use crate::stepper::{Jaws, Stepper, Things};

@@ -1,14 +1,13 @@
 //! Objects on a table, as an engine has them: what attempts and piles ask of physics. The frame of an attempt is that
 //! of the grasp, the frame of a pile that of the workspace.
 //!
-//! [`Stepper`](crate::stepper::Stepper) is ours and made for this; [`RapierAttempt`] is the reference.
+//! [`Stepper`](crate::stepper::Stepper) is ours and made for this; rapier is the reference.
 
-use rapier3d::prelude::{ColliderHandle, ContactPair, PhysicsWorld, RigidBodyHandle};
-use schema::{Gripper, Physics, Polyhedron, Pose, SettleParams, Vec3};
+use rapier3d::prelude::{ColliderHandle, PhysicsWorld, RigidBodyHandle};
+use schema::{Physics, Polyhedron, Pose, SettleParams, Vec3};
 
-use crate::contact::{Contact, ContactBody};
+use crate::contact::Contact;
 use crate::engine::{EngineBody, LENGTH_UNIT_M, UNITS_PER_M, add_fixed_box, add_object, pose_of, world_with_table};
-use crate::hand::Hand;
 
 /// Objects that move. They are known by their indices.
 pub(crate) trait Bodies {
@@ -72,10 +71,10 @@ pub(crate) trait AttemptEngine: Bodies {
 
 /// Objects in rapier, and what is there beside them.
 pub(crate) struct InRapier<T> {
-    world: PhysicsWorld,
-    bodies: Vec<RigidBodyHandle>,
-    fixtures: Vec<ColliderHandle>,
-    beside: T,
+    pub(crate) world: PhysicsWorld,
+    pub(crate) bodies: Vec<RigidBodyHandle>,
+    pub(crate) fixtures: Vec<ColliderHandle>,
+    pub(crate) beside: T,
 }
 
 impl<T> Bodies for InRapier<T> {
@@ -97,104 +96,6 @@ impl<T> Bodies for InRapier<T> {
 pub(crate) struct RapierThings {
     pub(crate) bodies: Vec<(EngineBody, Pose)>,
     pub(crate) fixtures: Vec<Polyhedron>,
-}
-
-/// The hand and its objects in rapier.
-pub(crate) type RapierAttempt = InRapier<Hand>;
-
-impl RapierAttempt {
-    /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose
-    /// fingers have closed by `closed_m` each. Objects are asleep until touched, unless `all_awake`.
-    pub(crate) fn new(
-        physics: &Physics,
-        gripper: &Gripper,
-        things: &RapierThings,
-        table_z_m: f32,
-        workspace_from_grasp: &Pose,
-        closed_m: f32,
-        all_awake: bool,
-    ) -> Self {
-        let grasp_from_workspace = workspace_from_grasp.inverse();
-        let gravity_m_s2 = grasp_from_workspace.rotation * -Vec3::Z * physics.gravity_m_s2;
-        let (mut world, fixtures) =
-            world_with_table(physics, gravity_m_s2, &grasp_from_workspace, table_z_m, &things.fixtures);
-        let add = |(engine_body, workspace_from_object): &(EngineBody, Pose)| {
-            let pose = grasp_from_workspace * *workspace_from_object;
-            add_object(&mut world, engine_body, pose, all_awake)
-        };
-        let bodies = things.bodies.iter().map(add).collect();
-        let hand = Hand::insert(&mut world, gripper, closed_m);
-        Self { world, bodies, fixtures, beside: hand }
-    }
-
-    fn collider(&self, object_id: usize) -> ColliderHandle {
-        self.world.bodies[self.bodies[object_id]].colliders()[0]
-    }
-
-    fn body(&self, collider: ColliderHandle) -> ContactBody {
-        let [left, right, palm] = self.beside.colliders();
-        if let Some(id) = (0..self.bodies.len()).find(|id| self.collider(*id) == collider) {
-            return ContactBody::Object(id);
-        }
-        match collider {
-            _ if collider == left => ContactBody::LeftFinger,
-            _ if collider == right => ContactBody::RightFinger,
-            _ if collider == palm => ContactBody::Palm,
-            _ if self.fixtures.contains(&collider) => ContactBody::Container,
-            _ => ContactBody::Table,
-        }
-    }
-}
-
-impl AttemptEngine for RapierAttempt {
-    fn closed_m(&self) -> [f32; 2] {
-        self.beside.closed_m(&self.world)
-    }
-
-    fn press(&mut self, asymmetry_at_contact_m: f32) {
-        self.beside.press(&mut self.world, asymmetry_at_contact_m);
-    }
-
-    fn move_to(&mut self, position_m: Vec3) {
-        self.beside.move_to(&mut self.world, position_m);
-    }
-
-    fn hand_moved_m(&self) -> [Vec3; 3] {
-        self.beside.moved_m(&self.world)
-    }
-
-    fn is_asleep(&self, object_id: usize) -> bool {
-        self.world.bodies[self.bodies[object_id]].is_sleeping()
-    }
-
-    fn is_gripped(&self, object_id: usize) -> bool {
-        self.beside.grips(&self.world, self.collider(object_id))
-    }
-
-    fn is_touched_by_others(&self, object_id: usize) -> bool {
-        let (collider, hand) = (self.collider(object_id), self.beside.colliders());
-        let is_of_hand = |pair: &ContactPair| hand.contains(&pair.collider1) || hand.contains(&pair.collider2);
-        self.world.contact_pairs_with(collider).any(|pair| !is_of_hand(pair) && pair.total_impulse_magnitude() > 0.0)
-    }
-
-    fn contacts(&self) -> Vec<Contact> {
-        let pressed = self.world.contact_pairs().filter(|pair| pair.total_impulse_magnitude() > 0.0);
-        let contact = |pair: &ContactPair| {
-            let first = self.world.colliders[pair.collider1].position();
-            let points_m = pair.solver_manifolds().iter().flat_map(|manifold| {
-                let part = manifold.subshape_poses.as_ref().and_then(|poses| poses.pos1);
-                let pose = *first * part.unwrap_or(Pose::IDENTITY);
-                let bearing = manifold.points.iter().filter(|point| point.data.impulse > 0.0);
-                bearing.map(move |point| pose.transform_point(point.local_p1) / UNITS_PER_M)
-            });
-            Contact {
-                between: [pair.collider1, pair.collider2].map(|collider| self.body(collider)),
-                points_m: points_m.collect(),
-                force_n: pair.total_impulse_magnitude() / (self.world.integration_parameters.dt * UNITS_PER_M),
-            }
-        };
-        pressed.map(contact).collect()
-    }
 }
 
 /// A pile in rapier.

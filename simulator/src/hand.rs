@@ -12,9 +12,11 @@
 //! where asymmetry is how much further this finger has closed than the other.
 
 use rapier3d::prelude::*;
-use schema::{Gripper, HandBox, Vec3};
+use schema::{Gripper, HandBox, Physics, Pose, Vec3};
 
-use crate::engine::{UNITS_PER_M, pose_of, surface};
+use crate::bodies::{AttemptEngine, InRapier, RapierThings};
+use crate::contact::{Contact, ContactBody};
+use crate::engine::{EngineBody, UNITS_PER_M, add_object, pose_of, surface, world_with_table};
 
 /// Stiffness and damping of the gear between the fingers. Stiff enough that 3 N of weight shifts a grip by less than a
 /// millimetre; soft and damped enough that an explicit integrator at 240 Hz can do the same.
@@ -26,14 +28,14 @@ const DRIVE_GAIN: f32 = 1e5;
 /// A hand in a world.
 pub(crate) struct Hand {
     palm: RigidBodyHandle,
-    palm_collider: ColliderHandle,
+    /// Of the left and the right finger, and of the palm.
+    colliders: [ColliderHandle; 3],
     fingers: [Finger; 2],
     force_n: f32,
 }
 
 struct Finger {
     body: RigidBodyHandle,
-    collider: ColliderHandle,
     joint: ImpulseJointHandle,
     /// Direction of closing along the grasp's y.
     inward: f32,
@@ -42,7 +44,7 @@ struct Finger {
 
 impl Hand {
     /// Puts the hand at the world's origin, its fingers closed by `closed_m` each, and closing if that is above 0.
-    pub(crate) fn insert(world: &mut PhysicsWorld, gripper: &Gripper, closed_m: f32) -> Self {
+    fn insert(world: &mut PhysicsWorld, gripper: &Gripper, closed_m: f32) -> Self {
         let palm = world.bodies.insert(RigidBodyBuilder::kinematic_position_based());
         let boxed = |b: HandBox| {
             let half = b.half_m * UNITS_PER_M;
@@ -52,7 +54,7 @@ impl Hand {
         let palm_collider = boxed(palm_box).translation(palm_box.centre_m * UNITS_PER_M);
         let palm_collider = world.insert_collider(surface(palm_collider, gripper.friction), Some(palm));
         let [left, right] = gripper.fingers(gripper.opening_m_max);
-        let fingers = [(left, 1.0), (right, -1.0)].map(|(finger, inward)| {
+        let [left, right] = [(left, 1.0), (right, -1.0)].map(|(finger, inward)| {
             let speed_m_s = if closed_m > 0.0 { gripper.closing_speed_m_s } else { 0.0 };
             let axis = Vec3::Y * inward;
             let body = RigidBodyBuilder::dynamic()
@@ -72,58 +74,130 @@ impl Hand {
                 .motor_velocity(JointAxis::LinX, gripper.closing_speed_m_s * UNITS_PER_M, DRIVE_GAIN)
                 .contacts_enabled(false);
             let joint = world.insert_impulse_joint(palm, body, joint);
-            Finger { body, collider, joint, inward, open_m: finger.centre_m }
+            (Finger { body, joint, inward, open_m: finger.centre_m }, collider)
         });
-        Self { palm, palm_collider, fingers, force_n: gripper.finger_force_n }
+        let colliders = [left.1, right.1, palm_collider];
+        Self { palm, colliders, fingers: [left.0, right.0], force_n: gripper.finger_force_n }
+    }
+}
+
+/// The hand and its objects in rapier.
+pub(crate) type RapierAttempt = InRapier<Hand>;
+
+impl RapierAttempt {
+    /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose
+    /// fingers have closed by `closed_m` each. Objects are asleep until touched, unless `all_awake`.
+    pub(crate) fn new(
+        physics: &Physics,
+        gripper: &Gripper,
+        things: &RapierThings,
+        table_z_m: f32,
+        workspace_from_grasp: &Pose,
+        closed_m: f32,
+        all_awake: bool,
+    ) -> Self {
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        let gravity_m_s2 = grasp_from_workspace.rotation * -Vec3::Z * physics.gravity_m_s2;
+        let (mut world, fixtures) =
+            world_with_table(physics, gravity_m_s2, &grasp_from_workspace, table_z_m, &things.fixtures);
+        let add = |(engine_body, workspace_from_object): &(EngineBody, Pose)| {
+            let pose = grasp_from_workspace * *workspace_from_object;
+            add_object(&mut world, engine_body, pose, all_awake)
+        };
+        let bodies = things.bodies.iter().map(add).collect();
+        let hand = Hand::insert(&mut world, gripper, closed_m);
+        Self { world, bodies, fixtures, beside: hand }
     }
 
-    /// How far each finger has closed, in metres.
-    pub(crate) fn closed_m(&self, world: &PhysicsWorld) -> [f32; 2] {
-        let palm_y_m = pose_of(world, self.palm).translation.y;
-        self.fingers.each_ref().map(|f| (pose_of(world, f.body).translation.y - palm_y_m - f.open_m.y) * f.inward)
+    fn collider(&self, object_id: usize) -> ColliderHandle {
+        self.world.bodies[self.bodies[object_id]].colliders()[0]
     }
 
-    /// Presses with the finger force and keeps the fingers' present asymmetry (call before every step of the lift).
-    pub(crate) fn press(&self, world: &mut PhysicsWorld, asymmetry_at_contact_m: f32) {
-        let [left, right] = self.closed_m(world);
-        let middle = 0.5 * (left + right);
-        let preload = self.force_n / GEAR_STIFFNESS_N_M;
-        for (finger, side) in self.fingers.iter().zip([0.5, -0.5]) {
+    fn body(&self, collider: ColliderHandle) -> ContactBody {
+        if let Some(id) = (0..self.bodies.len()).find(|id| self.collider(*id) == collider) {
+            return ContactBody::Object(id);
+        }
+        match self.beside.colliders.iter().position(|of_hand| *of_hand == collider) {
+            Some(part) => [ContactBody::LeftFinger, ContactBody::RightFinger, ContactBody::Palm][part],
+            None if self.fixtures.contains(&collider) => ContactBody::Container,
+            None => ContactBody::Table,
+        }
+    }
+}
+
+impl AttemptEngine for RapierAttempt {
+    fn closed_m(&self) -> [f32; 2] {
+        let y_m = |body: RigidBodyHandle| pose_of(&self.world, body).translation.y;
+        let palm_y_m = y_m(self.beside.palm);
+        self.beside.fingers.each_ref().map(|f| (y_m(f.body) - palm_y_m - f.open_m.y) * f.inward)
+    }
+
+    fn press(&mut self, asymmetry_at_contact_m: f32) {
+        let [left, right] = self.closed_m();
+        let (middle, force_n) = (0.5 * (left + right), self.beside.force_n);
+        let preload = force_n / GEAR_STIFFNESS_N_M;
+        for (finger, side) in self.beside.fingers.iter().zip([0.5, -0.5]) {
             let target = middle + side * asymmetry_at_contact_m + preload;
-            let joint = world.impulse_joints.get_mut(finger.joint, true).expect("the hand's joints stay in its world");
+            let joint = self.world.impulse_joints.get_mut(finger.joint, true);
+            let joint = joint.expect("the hand's joints stay in its world");
             joint
                 .data
                 .set_motor_model(JointAxis::LinX, MotorModel::ForceBased)
                 .set_motor(JointAxis::LinX, target * UNITS_PER_M, 0.0, GEAR_STIFFNESS_N_M, GEAR_DAMPING_N_S_M)
-                .set_motor_max_force(JointAxis::LinX, 3.0 * self.force_n * UNITS_PER_M);
+                .set_motor_max_force(JointAxis::LinX, 3.0 * force_n * UNITS_PER_M);
         }
     }
 
-    /// Tells the hand where to be at the end of the next step. Along their locked axes the fingers go with the palm.
-    pub(crate) fn move_to(&self, world: &mut PhysicsWorld, position_m: Vec3) {
-        world.bodies[self.palm].set_next_kinematic_translation(position_m * UNITS_PER_M);
-        let step_rate_hz = 1.0 / world.integration_parameters.dt;
-        for finger in &self.fingers {
-            let body = &mut world.bodies[finger.body];
+    /// Along their locked axes the fingers go with the palm.
+    fn move_to(&mut self, position_m: Vec3) {
+        self.world.bodies[self.beside.palm].set_next_kinematic_translation(position_m * UNITS_PER_M);
+        let step_rate_hz = 1.0 / self.world.integration_parameters.dt;
+        for finger in &self.beside.fingers {
+            let body = &mut self.world.bodies[finger.body];
             let sideways = ((position_m + finger.open_m) * UNITS_PER_M - body.translation()) * step_rate_hz;
             body.set_linvel(Vec3::new(sideways.x, body.linvel().y, sideways.z), true);
         }
     }
 
-    /// Whether both fingers press on a collider.
-    pub(crate) fn grips(&self, world: &PhysicsWorld, collider: ColliderHandle) -> bool {
-        let pair = |finger: &Finger| world.contact_pair(finger.collider, collider);
-        self.fingers.iter().all(|finger| pair(finger).is_some_and(|pair| pair.total_impulse_magnitude() > 0.0))
+    fn hand_moved_m(&self) -> [Vec3; 3] {
+        let at_m = |body: RigidBodyHandle| pose_of(&self.world, body).translation;
+        let [left, right] = self.beside.fingers.each_ref().map(|finger| at_m(finger.body) - finger.open_m);
+        [left, right, at_m(self.beside.palm)]
     }
 
-    /// By how much its boxes have moved since it was open and at the origin: left and right finger, palm.
-    pub(crate) fn moved_m(&self, world: &PhysicsWorld) -> [Vec3; 3] {
-        let moved = |finger: &Finger| pose_of(world, finger.body).translation - finger.open_m;
-        [moved(&self.fingers[0]), moved(&self.fingers[1]), pose_of(world, self.palm).translation]
+    fn is_asleep(&self, object_id: usize) -> bool {
+        self.world.bodies[self.bodies[object_id]].is_sleeping()
     }
 
-    /// Its colliders.
-    pub(crate) fn colliders(&self) -> [ColliderHandle; 3] {
-        [self.fingers[0].collider, self.fingers[1].collider, self.palm_collider]
+    fn is_gripped(&self, object_id: usize) -> bool {
+        let pair = |finger: &ColliderHandle| self.world.contact_pair(*finger, self.collider(object_id));
+        let presses = |finger| pair(finger).is_some_and(|pair| pair.total_impulse_magnitude() > 0.0);
+        self.beside.colliders[..2].iter().all(presses)
+    }
+
+    fn is_touched_by_others(&self, object_id: usize) -> bool {
+        let hand = self.beside.colliders;
+        let is_of_hand = |pair: &ContactPair| hand.contains(&pair.collider1) || hand.contains(&pair.collider2);
+        let mut pairs = self.world.contact_pairs_with(self.collider(object_id));
+        pairs.any(|pair| !is_of_hand(pair) && pair.total_impulse_magnitude() > 0.0)
+    }
+
+    fn contacts(&self) -> Vec<Contact> {
+        let pressed = self.world.contact_pairs().filter(|pair| pair.total_impulse_magnitude() > 0.0);
+        let contact = |pair: &ContactPair| {
+            let first = self.world.colliders[pair.collider1].position();
+            let points_m = pair.solver_manifolds().iter().flat_map(|manifold| {
+                let part = manifold.subshape_poses.as_ref().and_then(|poses| poses.pos1);
+                let pose = *first * part.unwrap_or(Pose::IDENTITY);
+                let bearing = manifold.points.iter().filter(|point| point.data.impulse > 0.0);
+                bearing.map(move |point| pose.transform_point(point.local_p1) / UNITS_PER_M)
+            });
+            Contact {
+                between: [pair.collider1, pair.collider2].map(|collider| self.body(collider)),
+                points_m: points_m.collect(),
+                force_n: pair.total_impulse_magnitude() / (self.world.integration_parameters.dt * UNITS_PER_M),
+            }
+        };
+        pressed.map(contact).collect()
     }
 }
