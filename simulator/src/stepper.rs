@@ -38,7 +38,7 @@ const WALLS: usize = 4;
 const FIXTURES: usize = 8;
 
 /// The state of an attempt, in the frame of the grasp, or of a pile, in that of the workspace.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(crate) struct Stepper<'a> {
     things: &'a [Thing],
     fixtures: &'a [shape::Part],
@@ -214,18 +214,10 @@ impl<'a> Stepper<'a> {
             step_s: physics.dt_s(),
             substeps: physics.solver_iterations,
             gravity_m_s2: up * -physics.gravity_m_s2,
-            turning: None,
-            damping_1_s: 0.0,
             planes: vec![Plane { normal: up, offset_m: table_m }],
             passes: [pass(true), pass(false), pass(false)],
             jaws: Jaws::absent(),
-            bodies: Vec::with_capacity(things.len()),
-            singles: Contacts::new(),
-            doubles: Contacts::new(),
-            apart: Vec::new(),
-            queue: Vec::new(),
-            scratch: Scratch::default(),
-            near_parts: [Vec::new(), Vec::new()],
+            ..Self::default()
         }
     }
 

@@ -109,7 +109,7 @@ pub(super) fn lanes(v: Vec3) -> f32x4 {
 
 /// The contacts of a step, and what is left of those of the step before. Each is written where it stays: it is larger
 /// than what is computed for it in the time that moving it takes.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct Contacts<const T: usize> {
     slots: Vec<Contact<T>>,
     count: usize,
@@ -118,10 +118,6 @@ pub(super) struct Contacts<const T: usize> {
 }
 
 impl<const T: usize> Contacts<T> {
-    pub(super) const fn new() -> Self {
-        Self { slots: Vec::new(), count: 0, last_slots: Vec::new(), last_count: 0 }
-    }
-
     pub(super) fn begin_step(&mut self) {
         core::mem::swap(&mut self.slots, &mut self.last_slots);
         (self.last_count, self.count) = (self.count, 0);

@@ -18,7 +18,7 @@ const SLOP_M: f32 = 0.000_05;
 const CORRECTION_M_S_MAX: f32 = 0.3;
 
 /// What a pass of the solver goes by.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(in crate::stepper) struct Pass {
     /// Whether bodies that overlap are pushed apart (the second pass takes out the speed that this gave).
     pub(in crate::stepper) corrects: bool,
