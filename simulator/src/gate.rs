@@ -34,6 +34,8 @@ impl Hit {
 
 /// A fixture is looked for this far above a grasp.
 const COVER_M: f32 = 0.5;
+/// So many halvings of a way give a thousandth of it.
+const FINE: usize = 10;
 
 /// Parts in their frame, and where that is in the workspace.
 type Obstacle = (Vec<TestedPart>, Pose);
@@ -81,22 +83,24 @@ impl Gate {
     #[must_use]
     pub fn free_way_m(&self, workspace_from_grasp: &Pose) -> Option<f32> {
         let way_m = self.approach[0].half_m.z - self.pregrasp[0].half_m.z;
-        let swept = |share: f32| {
-            let along = Vec3::new(0.0, 0.0, share * way_m);
-            let swept = |b: &HandBox| HandBox { centre_m: b.centre_m + along, half_m: b.half_m + along };
-            self.pregrasp.iter().map(swept).collect::<Vec<_>>()
-        };
         // What a box does not touch on the whole way, it touches on no part of it.
-        let touched = self.touched(&swept(1.0), workspace_from_grasp);
+        let touched = self.touched(&self.swept(way_m), workspace_from_grasp);
         let free = |share: f32| {
-            let boxes = swept(share);
+            let boxes = self.swept(share * way_m);
             touched.iter().all(|(which, part)| !part.overlaps(&boxes[*which]))
                 && !self.is_in_table(&boxes, workspace_from_grasp)
         };
         if touched.is_empty() && free(1.0) {
             return Some(2.0 * way_m);
         }
-        free(0.0).then(|| farthest(1.0, free) * 2.0 * way_m)
+        free(0.0).then(|| halved(1.0, FINE, free)[0] * 2.0 * way_m)
+    }
+
+    /// The boxes, grown, and swept from the pre-grasp over twice `half_way_m`.
+    pub(crate) fn swept(&self, half_way_m: f32) -> Vec<HandBox> {
+        let along = Vec3::Z * half_way_m;
+        let swept = |b: &HandBox| HandBox { centre_m: b.centre_m + along, half_m: b.half_m + along };
+        self.pregrasp.iter().map(swept).collect()
     }
 
     /// Each box with each part of objects and fixtures that it overlaps, in the frame of a grasp.
@@ -156,7 +160,7 @@ impl Gate {
             if free(finger, inward, most_m) {
                 return most_m;
             }
-            farthest(most_m, |way_m| free(finger, inward, way_m))
+            halved(most_m, FINE, |way_m| free(finger, inward, way_m))[0]
         })
     }
 
@@ -195,14 +199,14 @@ impl Gate {
     }
 }
 
-/// How far a way is free that is not free up to `most`, to a thousandth of that.
-fn farthest(most: f32, is_free: impl Fn(f32) -> bool) -> f32 {
+/// How far a way is free that is not free up to `most`, from below and from above, by so many halvings.
+pub(crate) fn halved(most: f32, halvings: usize, is_free: impl Fn(f32) -> bool) -> [f32; 2] {
     let (mut low, mut high) = (0.0, most);
-    for _ in 0..10 {
+    for _ in 0..halvings {
         let middle = 0.5 * (low + high);
         *if is_free(middle) { &mut low } else { &mut high } = middle;
     }
-    low
+    [low, high]
 }
 
 fn placed(hulls: &[TestedPart], pose: &Pose) -> Vec<PlacedPart> {

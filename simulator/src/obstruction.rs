@@ -3,7 +3,7 @@
 use schema::{HandBox, HitKind, Outcome, Pose, Vec3};
 
 use crate::attempt::AttemptWorld;
-use crate::gate::Hit;
+use crate::gate::{Hit, halved};
 use crate::tested_part::PlacedPart;
 
 /// Number of bisections: to a micrometre on the longest approach.
@@ -34,20 +34,14 @@ impl AttemptWorld<'_> {
     #[must_use]
     pub fn obstruction(&self, workspace_from_grasp: &Pose, target: usize) -> Option<Obstruction> {
         let (outcome, hit) = self.gate.blocked(workspace_from_grasp, target)?;
-        let touched = |travel_m: f32| self.touched(workspace_from_grasp, hit, &self.swept(travel_m));
-        let way_m = if outcome == Outcome::PregraspCollision { 0.0 } else { self.procedure.pregrasp_distance_m };
-        let (mut near_m, mut far_m) = (0.0, way_m);
-        if touched(near_m).is_some() {
-            far_m = near_m;
-        }
-        for _ in 0..HALVINGS {
-            let middle_m = 0.5 * (near_m + far_m);
-            if touched(middle_m).is_some() { far_m = middle_m } else { near_m = middle_m }
-        }
+        let touched = |travel_m: f32| self.touched(workspace_from_grasp, hit, &self.gate.swept(0.5 * travel_m));
+        let is_at_once = outcome == Outcome::PregraspCollision || touched(0.0).is_some();
+        let way_m = if is_at_once { 0.0 } else { self.procedure.pregrasp_distance_m };
+        let [_, travel_m] = halved(way_m, HALVINGS, |travel_m| touched(travel_m).is_none());
         // Because of rounding, an obstacle of the gate's own boxes may just miss these; then it is closest to the last.
-        let boxes = self.swept(far_m);
-        let (part, at_m) = touched(far_m).unwrap_or((boxes.len() - 1, boxes[boxes.len() - 1].centre_m));
-        Some(Obstruction { outcome, hit, travel_m: far_m, part, point_m: workspace_from_grasp.transform_point(at_m) })
+        let boxes = self.gate.swept(0.5 * travel_m);
+        let (part, at_m) = touched(travel_m).unwrap_or((boxes.len() - 1, boxes[boxes.len() - 1].centre_m));
+        Some(Obstruction { outcome, hit, travel_m, part, point_m: workspace_from_grasp.transform_point(at_m) })
     }
 
     /// The first box that touches the obstacle, and a point that they share, up to rounding.
@@ -62,13 +56,6 @@ impl AttemptWorld<'_> {
             HitKind::Table => Some(lowest_corner_m(hand_box, up)).filter(|corner_m| up.dot(*corner_m) < height_m),
         };
         boxes.iter().enumerate().find_map(|(number, hand_box)| Some((number, shared_m(hand_box)?)))
-    }
-
-    /// The hand's boxes swept from the pre-grasp over `travel_m`, enlarged by the clearance.
-    fn swept(&self, travel_m: f32) -> Vec<HandBox> {
-        let rest = Vec3::Z * (self.procedure.pregrasp_distance_m - travel_m);
-        let swept = |b: HandBox| b.swept_back(travel_m).grown(self.gripper.clearance_m).moved(-rest);
-        self.gripper.open_hand().into_iter().map(swept).collect()
     }
 }
 
