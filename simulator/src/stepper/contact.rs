@@ -145,19 +145,13 @@ impl<const T: usize> Contacts<T> {
         contact.memory.take_from(last.map(|last| &last.memory), contact.count);
         contact.foresee();
     }
-}
 
-impl<const T: usize> core::ops::Deref for Contacts<T> {
-    type Target = [Contact<T>];
-
-    fn deref(&self) -> &[Contact<T>] {
-        &self.slots[..self.count]
+    pub(super) fn iter(&self) -> core::slice::Iter<'_, Contact<T>> {
+        self.slots[..self.count].iter()
     }
-}
 
-impl<const T: usize> core::ops::DerefMut for Contacts<T> {
-    fn deref_mut(&mut self) -> &mut [Contact<T>] {
-        &mut self.slots[..self.count]
+    pub(super) fn iter_mut(&mut self) -> core::slice::IterMut<'_, Contact<T>> {
+        self.slots[..self.count].iter_mut()
     }
 }
 
