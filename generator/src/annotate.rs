@@ -8,7 +8,6 @@ mod bearing;
 mod draw;
 mod objects;
 mod params;
-mod part;
 mod replay;
 mod stable;
 mod surface;

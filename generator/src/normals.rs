@@ -9,7 +9,8 @@
 
 use perception::camera_at;
 use schema::{
-    Approach, Camera, ObjectRecord, Plane, Pose, Rule, Stream, Vec3, View, along_normal, axis_angle, pose_from_parts,
+    Approach, Camera, ObjectRecord, Polyhedron, Pose, Rule, Stream, Vec3, View, along_normal, axis_angle,
+    pose_from_parts,
 };
 use simulator::{Scene, SceneObject, SceneRays, ViewRays};
 
@@ -41,15 +42,14 @@ struct Touch {
 
 /// The surface of an object at rest: the faces of its convex parts.
 struct Target {
-    parts: Vec<Vec<Plane>>,
+    parts: Vec<Polyhedron>,
     radius_m: f32,
     workspace_from_object: Pose,
 }
 
 impl Target {
     fn of(object: &SceneObject) -> Self {
-        let parts = object.body.polyhedra().iter().map(|part| part.planes().collect()).collect();
-        let radius_m = object.body.bounding_radius_m();
+        let (parts, radius_m) = (object.body.polyhedra(), object.body.bounding_radius_m());
         Self { parts, radius_m, workspace_from_object: object.workspace_from_object }
     }
 }
@@ -146,26 +146,13 @@ fn draw_touch(targets: &[Target], stream: &mut Stream) -> Option<Touch> {
     let Target { parts, radius_m, workspace_from_object: pose } = &targets[object_id];
     let aside_m = rotation * around * Vec3::X * (radius_share * radius_m);
     let wanted = if parts.len() == 1 { 0 } else { stream.index(parts.len()) };
-    let (local_m, normal) = entries(parts, aside_m, rotation * Vec3::Z).into_iter().nth(wanted)?;
-    Some(Touch { object_id, point_m: pose.transform_point(local_m), normal: pose.rotation * normal })
+    let direction = rotation * Vec3::Z;
+    let Within { enter_m, normal, .. } = within(parts, aside_m, direction).into_iter().nth(wanted)?;
+    let point_m = pose.transform_point(aside_m + direction * enter_m);
+    Some(Touch { object_id, point_m, normal: pose.rotation * normal })
 }
 
-/// The points where the line through `at_m` along `direction` enters the union of convex parts, in order, with normals.
-fn entries(parts: &[Vec<Plane>], at_m: Vec3, direction: Vec3) -> Vec<(Vec3, Vec3)> {
-    let mut within: Vec<Within> = parts.iter().filter_map(|planes| within(planes, at_m, direction)).collect();
-    within.sort_by(|a, b| a.enter_m.total_cmp(&b.enter_m));
-    let mut inside_to_m = f32::NEG_INFINITY;
-    let mut found = Vec::new();
-    for Within { enter_m, exit_m, normal, .. } in within {
-        if enter_m > inside_to_m + SEAM_M {
-            found.push((at_m + direction * enter_m, normal));
-        }
-        inside_to_m = inside_to_m.max(exit_m);
-    }
-    found
-}
-
-/// The interval of a line inside a convex part, as distances along it, and the normals at its start and its end.
+/// An interval of a line inside convex parts, as distances along it, and the normals at its start and its end.
 pub(crate) struct Within {
     pub(crate) enter_m: f32,
     pub(crate) exit_m: f32,
@@ -173,10 +160,23 @@ pub(crate) struct Within {
     pub(crate) exit_normal: Vec3,
 }
 
-/// Where the line through `at_m` along `direction` is inside a convex part.
-pub(crate) fn within(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<Within> {
+/// Where the line through `at_m` along `direction` is inside the union of convex parts, in order.
+pub(crate) fn within<'a>(parts: impl IntoIterator<Item = &'a Polyhedron>, at_m: Vec3, direction: Vec3) -> Vec<Within> {
+    let mut inside: Vec<Within> = parts.into_iter().filter_map(|part| within_part(part, at_m, direction)).collect();
+    inside.sort_by(|a, b| a.enter_m.total_cmp(&b.enter_m));
+    inside.dedup_by(|next, last| {
+        let is_joined = next.enter_m <= last.exit_m + SEAM_M;
+        if is_joined && next.exit_m > last.exit_m {
+            (last.exit_m, last.exit_normal) = (next.exit_m, next.exit_normal);
+        }
+        is_joined
+    });
+    inside
+}
+
+fn within_part(part: &Polyhedron, at_m: Vec3, direction: Vec3) -> Option<Within> {
     let (mut enter, mut exit, mut face, mut exit_normal) = (f32::NEG_INFINITY, f32::INFINITY, None, Vec3::ZERO);
-    for plane in planes {
+    for plane in part.planes() {
         let (speed, gap_m) = (plane.normal.dot(direction), plane.offset_m - plane.normal.dot(at_m));
         if speed < 0.0 {
             if gap_m / speed > enter {

@@ -34,6 +34,13 @@ pub struct Face {
     pub ring: Vec<usize>,
 }
 
+impl Face {
+    /// Its triangles as corner indices, counter-clockwise seen from outside.
+    pub fn triangles(&self) -> impl Iterator<Item = [usize; 3]> {
+        self.ring[1..].windows(2).map(|side| [self.ring[0], side[0], side[1]])
+    }
+}
+
 /// Why points have no hull with a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum HullError {
@@ -146,10 +153,7 @@ impl Polyhedron {
     /// The surface as triangles of corner indices, counter-clockwise seen from outside.
     #[must_use]
     pub fn triangles(&self) -> Vec<[usize; 3]> {
-        let fan = |face: &Face| -> Vec<[usize; 3]> {
-            face.ring[1..].windows(2).map(|side| [face.ring[0], side[0], side[1]]).collect()
-        };
-        self.faces.iter().flat_map(fan).collect()
+        self.faces.iter().flat_map(Face::triangles).collect()
     }
 
     /// The directions of the edges, not normalised; some more than once.

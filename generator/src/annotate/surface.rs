@@ -1,17 +1,16 @@
 //! The surface of an object alone: points that are spread evenly, and what is straight across from them.
 
-use schema::{Polyhedron, Vec3, bounds_m};
+use schema::{Face, Polyhedron, Vec3, bounds_m};
 use simulator::Body;
 
-use super::part::LinedPart;
-use crate::normals::{SEAM_M, Within};
+use crate::normals::{SEAM_M, Within, within};
 
 /// Bits of a coordinate in the order along a Morton curve.
 const MORTON_BITS: u32 = 10;
 
 /// The outer surface of an object, in its frame.
 pub(super) struct Surface {
-    parts: Vec<LinedPart>,
+    parts: Vec<Polyhedron>,
     triangles: Vec<Triangle>,
     /// The area of all triangles up to each.
     areas_m2: Vec<f32>,
@@ -34,9 +33,16 @@ impl Surface {
     /// Triangles that are near each other in space are near each other in their order, so that numbers that are spread
     /// evenly between 0 and 1 make points that are spread evenly over the surface.
     pub(super) fn of(body: &Body) -> Self {
-        let polyhedra = body.polyhedra();
-        let mut triangles: Vec<Triangle> =
-            polyhedra.iter().enumerate().flat_map(|(part, polyhedron)| triangles_of(part, polyhedron)).collect();
+        let parts = body.polyhedra();
+        let triangles_of = |(part, polyhedron): (usize, &Polyhedron)| -> Vec<Triangle> {
+            let corner_m = |corner: usize| polyhedron.corners_m()[corner];
+            let of_face = |face: &Face| -> Vec<Triangle> {
+                let normal = face.plane.normal;
+                face.triangles().map(|corners| Triangle { corners_m: corners.map(corner_m), normal, part }).collect()
+            };
+            polyhedron.faces().iter().flat_map(of_face).collect()
+        };
+        let mut triangles: Vec<Triangle> = parts.iter().enumerate().flat_map(triangles_of).collect();
         let [low, high] = bounds_m(&body.vertices_m());
         let cells = ((1_u32 << MORTON_BITS) - 1) as f32;
         let place = |triangle: &Triangle| {
@@ -51,11 +57,7 @@ impl Surface {
             sum_m2 += 0.5 * (b - a).cross(c - a).length();
             sum_m2
         });
-        Self {
-            areas_m2: areas_m2.collect(),
-            parts: polyhedra.iter().map(|p| LinedPart::new(p.planes().collect(), p.corners_m())).collect(),
-            triangles,
-        }
+        Self { areas_m2: areas_m2.collect(), parts, triangles }
     }
 
     /// The point that three numbers from 0 to 1 stand for, uniform by area; `None` if it is inside another part.
@@ -66,8 +68,7 @@ impl Surface {
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         let at_m = a + (b - a) * u + (c - a) * v;
         let outside_m = at_m + normal * SEAM_M;
-        let is_within =
-            |part: &LinedPart| part.planes.iter().all(|plane| plane.normal.dot(outside_m) <= plane.offset_m);
+        let is_within = |part: &Polyhedron| part.planes().all(|plane| plane.normal.dot(outside_m) <= plane.offset_m);
         let covered = self.parts.iter().enumerate().any(|(other, own)| other != part && is_within(own));
         (!covered).then_some(SurfacePoint { at_m, normal })
     }
@@ -75,47 +76,26 @@ impl Surface {
     /// Where a line from a point of the surface, going into the object along `inwards`, leaves it: at the other side of
     /// a wall, and behind a hollow again.
     pub(super) fn across(&self, from_m: Vec3, inwards: Vec3) -> Vec<SurfacePoint> {
-        let mut inside: Vec<Within> =
-            self.parts.iter().filter_map(|part| part.within(from_m, inwards)).filter(|w| w.exit_m > 0.0).collect();
-        inside.sort_by(|a, b| a.enter_m.total_cmp(&b.enter_m));
-        let mut ends: Vec<(f32, Vec3)> = Vec::new();
-        for part in inside {
-            match ends.last_mut() {
-                Some(end) if part.enter_m <= end.0 + SEAM_M => {
-                    if part.exit_m > end.0 {
-                        *end = (part.exit_m, part.exit_normal);
-                    }
-                }
-                _ => ends.push((part.exit_m, part.exit_normal)),
-            }
-        }
-        let point = |(exit_m, normal): (f32, Vec3)| SurfacePoint { at_m: from_m + inwards * exit_m, normal };
-        ends.into_iter().map(point).collect()
+        // Most lines pass by most parts.
+        let is_near = |part: &&Polyhedron| {
+            let (to_m, far_m) = (part.centre_m() - from_m, 1.001 * part.radius_m() + 1e-5);
+            let along_m = to_m.dot(inwards);
+            along_m >= -far_m && to_m.length_squared() - along_m * along_m <= far_m * far_m
+        };
+        let inside = within(self.parts.iter().filter(is_near), from_m, inwards).into_iter();
+        let end = |of: Within| SurfacePoint { at_m: from_m + inwards * of.exit_m, normal: of.exit_normal };
+        inside.filter(|of| of.exit_m > 0.0).map(end).collect()
     }
 
     /// The outward normal of the face that is nearest to a point of the surface.
     pub(super) fn normal_at(&self, at_m: Vec3) -> Vec3 {
-        let face = |part: &LinedPart| {
-            let highest = part.planes.iter().map(|p| (p.normal.dot(at_m) - p.offset_m, p.normal));
+        let face = |part: &Polyhedron| {
+            let highest = part.planes().map(|p| (p.normal.dot(at_m) - p.offset_m, p.normal));
             highest.max_by(|a, b| a.0.total_cmp(&b.0))
         };
         let nearest = self.parts.iter().filter_map(face).min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
         nearest.map_or(Vec3::Z, |(_, normal)| normal)
     }
-}
-
-fn triangles_of(part: usize, polyhedron: &Polyhedron) -> Vec<Triangle> {
-    let corners_m = polyhedron.corners_m();
-    let fan = |face: &schema::Face| -> Vec<Triangle> {
-        let normal = face.plane.normal;
-        let triangle = |side: &[usize]| Triangle {
-            corners_m: [face.ring[0], side[0], side[1]].map(|corner| corners_m[corner]),
-            normal,
-            part,
-        };
-        face.ring[1..].windows(2).map(triangle).collect()
-    };
-    polyhedron.faces().iter().flat_map(fan).collect()
 }
 
 /// Faces that look the same way are one after the other, so that both sides of a wall are not mixed.
@@ -126,4 +106,38 @@ fn normal_octant(normal: Vec3) -> u8 {
 fn morton(cell: [u32; 3]) -> u64 {
     let spread = |value: u32| (0..MORTON_BITS).fold(0_u64, |code, bit| code | u64::from(value >> bit & 1) << (3 * bit));
     spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Purpose, ShapeKind, Solid, Stream};
+
+    use super::*;
+
+    /// Lines from anywhere, and along axes, beside edges and through corners.
+    #[test]
+    fn a_part_that_is_passed_over_is_nowhere_on_the_line() {
+        let mut stream = Stream::new(5, 0, Purpose::Views, 0);
+        let kinds = [ShapeKind::Cuboid, ShapeKind::Cylinder, ShapeKind::TriPrism, ShapeKind::HalfCylinder];
+        for kind in kinds {
+            let high_m = if kind == ShapeKind::HalfCylinder { 0.03 } else { 0.06 };
+            let surface = Surface::of(&Solid::new(kind, Vec3::new(0.06, 0.06, high_m)).unwrap().into());
+            let (mut hits, count) = (0, 20_000);
+            for number in 0..count {
+                let at_m = stream.point(Vec3::splat(-0.06), Vec3::splat(0.06));
+                let whole = |at: Vec3, unit: f32| (at / unit).round() * unit;
+                let (at_m, direction) = match number % 3 {
+                    0 => (at_m, stream.rotation() * Vec3::X),
+                    1 => (whole(at_m, 0.01), [Vec3::X, Vec3::NEG_Y, Vec3::Z][number / 3 % 3]),
+                    _ => (whole(at_m, 0.03), whole(at_m, 0.03).normalize_or(Vec3::X)),
+                };
+                let ends = within(surface.parts.iter(), at_m, direction).into_iter().filter(|of| of.exit_m > 0.0);
+                let ends: Vec<_> = ends.map(|of| (at_m + direction * of.exit_m, of.exit_normal)).collect();
+                let found: Vec<_> = surface.across(at_m, direction).iter().map(|p| (p.at_m, p.normal)).collect();
+                assert_eq!(found, ends, "{kind:?} {at_m} {direction}");
+                hits += found.len();
+            }
+            assert!(hits > count / 20, "{kind:?}: {hits}");
+        }
+    }
 }
