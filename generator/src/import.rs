@@ -20,15 +20,15 @@ use std::path::{Path, PathBuf};
 use glamx::DSymmetricEigen3;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{HullError, MODELS_MAX, MassIntegrals, relative_difference};
+use schema::{HullError, MODELS_MAX, MassIntegrals};
 use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
-use self::summary::{catalogue_text, opening_m, warnings};
+use self::summary::{catalogue_text, warnings};
 use self::units::{Own, guessed_scale_m, own_values};
 use crate::catalogue::{Catalogue, MASS_KG};
 use crate::config::Config;
-use crate::measured::{Measured, overlap_share, smallest_width_m};
+use crate::measured::{Measured, smallest_width_m};
 use crate::mesh_file::{damaged, read_mesh, unusable};
 use crate::models::Models;
 
@@ -37,7 +37,7 @@ const WIDTH_CORNERS: usize = 64;
 /// Maximum accepted length of the longest side.
 const LONGEST_M: f64 = 10.0;
 /// How much coarser parts become, as a share of the corners asked for, where finer ones are refused.
-const COARSER: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
+const COARSER: [f64; 3] = [0.75, 0.5, 0.25];
 /// Fewest corners of a part, which `--corners-max` can ask for.
 const CORNERS_MIN: usize = 8;
 
@@ -148,7 +148,9 @@ pub fn import_objects(
     let scale_m = params.scale.unwrap_or_else(|| guessed_scale_m(&without_own));
     let made = |source: &Source| {
         on_file(&source.file, FileState::Begun);
-        let made = Import { source, own: own(source), scale_m, params, config }.object();
+        let own = own(source);
+        let scale_m = if source.described.is_some() { params.scale.unwrap_or(1.0) } else { scale_m };
+        let made = Import { source, own, scale_m: own.scale.unwrap_or(scale_m), params, config }.object();
         let reason = made.as_ref().err().map(ToString::to_string);
         on_file(&source.file, reason.as_deref().map_or(FileState::Made, FileState::LeftOut));
         made
@@ -185,6 +187,7 @@ const HEAD: &str = "\
 struct Import<'a> {
     source: &'a Source,
     own: Own,
+    /// Metres per unit of the file.
     scale_m: f64,
     params: &'a ImportParams,
     config: &'a Config,
@@ -195,29 +198,33 @@ impl Import<'_> {
     fn object(&self) -> Result<(ImportedObject, String), Failure> {
         let file = &self.source.file;
         let (measured, mass_kg) = self.measured()?;
-        let mut refused = None;
-        for share in COARSER {
+        let made = |share: f64| {
+            let params = PartsParams {
+                parts_max: self.params.hulls_max.into(),
+                corners_max: ((share * f64::from(self.params.corners_max)) as usize).max(CORNERS_MIN),
+                tolerance_m: self.params.tolerance_m / share as f32,
+            };
+            let cut = || convex_parts(&measured.corners_m, &measured.mesh.triangles, &params);
             // The hull library panics on some scans; cut elsewhere, they have hulls.
-            let parts = catch_unwind(AssertUnwindSafe(|| self.parts(&measured, share)));
-            let unmade = || damaged("it cannot be decomposed, because a hull could not be made", file);
-            let made = match parts {
+            match catch_unwind(AssertUnwindSafe(cut)) {
                 Ok(Ok(parts)) => self.with_parts(&measured, mass_kg, &parts),
                 Ok(Err(error)) => Err(damaged(&error.to_string(), file)),
-                Err(_) => Err(unmade()),
-            };
-            match made {
-                Err(error) if error.exit_code() == ExitCode::Data => refused = refused.or(Some(error)),
-                made => return made,
+                Err(_) => Err(damaged("it cannot be decomposed, because a hull could not be made", file)),
             }
+        };
+        let is_refused =
+            |made: &Result<_, Failure>| made.as_ref().is_err_and(|error| error.exit_code() == ExitCode::Data);
+        let finest = made(1.0);
+        if !is_refused(&finest) {
+            return finest;
         }
-        Err(refused.unwrap_or_else(|| unusable(format!("it has no parts: {}", file.display()))))
+        COARSER.into_iter().map(made).find(|coarser| !is_refused(coarser)).unwrap_or(finest)
     }
 
     /// The mesh in metres, and the mass in kilograms if the file has one.
     fn measured(&self) -> Result<(Measured, Option<f64>), Failure> {
-        let Self { source, own, params, .. } = self;
+        let Self { source, own, params, scale_m, .. } = *self;
         let file = &source.file;
-        let scale_m = self.scale_m_of();
         let (mesh, mass_kg) = match &source.described {
             Some(described) => (described.mesh(file, scale_m)?, described.mass_kg),
             None => (read_mesh(file, scale_m)?, None),
@@ -233,24 +240,6 @@ impl Import<'_> {
         let of_file = mass_kg.filter(|_| params.density.is_none() && own.density_kg_m3.is_none());
         let given = own.mass_kg.or(params.mass.filter(|_| own.density_kg_m3.is_none()));
         Ok((measured, given.or(of_file)))
-    }
-
-    /// Metres per unit of the file.
-    fn scale_m_of(&self) -> f64 {
-        let is_description = self.source.described.is_some();
-        let otherwise = if is_description { self.params.scale.unwrap_or(1.0) } else { self.scale_m };
-        self.own.scale.unwrap_or(otherwise)
-    }
-
-    /// The convex parts, by a share of the corners that are asked for.
-    fn parts(&self, measured: &Measured, share: f64) -> Result<ConvexParts, HullError> {
-        let params = self.params;
-        let parts = PartsParams {
-            parts_max: params.hulls_max.into(),
-            corners_max: ((share * f64::from(params.corners_max)) as usize).max(CORNERS_MIN),
-            tolerance_m: params.tolerance_m / share as f32,
-        };
-        convex_parts(&measured.corners_m, &measured.mesh.triangles, &parts)
     }
 
     /// The object with these parts, as it is read from the catalogue. A part that is refused there is an error with
@@ -303,7 +292,7 @@ impl Import<'_> {
         mass_kg: Option<f64>,
         parts: &ConvexParts,
     ) -> Result<ImportedObject, HullError> {
-        let Self { source, own, params, config, .. } = self;
+        let Self { source, own, params, .. } = self;
         let of_parts =
             parts.hulls.iter().map(MassIntegrals::from).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
         let balance = measured.solid.unwrap_or(of_parts);
@@ -315,15 +304,12 @@ impl Import<'_> {
             (None, None) => measured.hull_volume_m3,
         };
         let mass_kg = mass_kg.unwrap_or(density_kg_m3 * filled_m3);
-        let inertia = balance.inertia_kg_m2(mass_kg);
         let share = |solid: MassIntegrals| of_parts.volume_m3 / solid.volume_m3;
-        let difference = |_| relative_difference(of_parts.inertia_kg_m2(mass_kg), inertia);
         let whole = few_cornered_hull(&measured.corners_m, WIDTH_CORNERS)?.0;
-        let smallest_width_m = smallest_width_m(&whole, &measured.corners_m);
         Ok(ImportedObject {
             name: source.name.clone(),
             file: source.file.clone(),
-            scale_m: self.scale_m_of(),
+            scale_m: self.scale_m,
             triangles: measured.mesh.triangles.len(),
             is_watertight: measured.seams.is_watertight(),
             bad_edges: measured.seams.open_edges + measured.seams.twisted_edges,
@@ -333,19 +319,13 @@ impl Import<'_> {
             mass_kg,
             friction: own.friction.unwrap_or(params.friction),
             centre_of_mass_m: (balance.centre_m() + measured.middle_m).to_array(),
-            inertia_kg_m2: DSymmetricEigen3::eigenvalues(inertia).to_array(),
-            hull_volume_m3: measured.hull_volume_m3,
+            inertia_kg_m2: DSymmetricEigen3::eigenvalues(balance.inertia_kg_m2(mass_kg)).to_array(),
             parts: parts.hulls.len(),
             part_corners_max: parts.hulls.iter().map(|hull| hull.corners_m().len()).max().unwrap_or(0),
             simplified_m: f64::from(parts.simplified_m),
             filled_m: f64::from(parts.filled_m),
-            parts_volume_m3: of_parts.volume_m3,
             parts_volume_share: measured.solid.map(share),
-            parts_overlap_share: overlap_share(&parts.hulls),
-            parts_inertia_difference: measured.solid.map(difference),
-            smallest_width_m,
-            fits_gripper: smallest_width_m < f64::from(opening_m(config)),
-            fits_workspace: measured.extents_m.length() <= f64::from(config.grid.size_m),
+            smallest_width_m: smallest_width_m(&whole, &measured.corners_m),
             test_drops: None,
             warnings: Vec::new(),
         })

@@ -1,13 +1,11 @@
 //! What is measured of a mesh and of its convex parts.
 
 use glamx::DVec3;
-use schema::{MassIntegrals, Polyhedron, Vec3, bounds_m};
+use schema::{MassIntegrals, Polyhedron, Vec3};
 use simulator::hull_volume_m3;
 
 use crate::mesh::{Mesh, Seams};
 
-/// Cells along each side of the lattice for measuring overlaps.
-const LATTICE: usize = 48;
 /// Lines along each side through a mesh, for finding shells that overlap.
 const LINES: usize = 96;
 /// Of what a closed mesh encloses, at most this share may lie in two of its shells, or in one that is inside out.
@@ -120,22 +118,6 @@ pub(crate) fn smallest_width_m(hull: &Polyhedron, points_m: &[Vec3]) -> f64 {
         }
     }
     f64::from(best_m)
-}
-
-/// The share of the parts' union that lies in more than one of them, by sampling a lattice.
-pub(crate) fn overlap_share(hulls: &[Polyhedron]) -> f64 {
-    let [low, high] = bounds_m(hulls.iter().flat_map(Polyhedron::corners_m));
-    let planes: Vec<_> = hulls.iter().map(|hull| hull.planes().collect::<Vec<_>>()).collect();
-    let (mut once, mut more) = (0_u64, 0_u64);
-    for cell in 0..LATTICE.pow(3) {
-        let along = [cell / LATTICE / LATTICE, cell / LATTICE % LATTICE, cell % LATTICE];
-        let share = Vec3::from_array(along.map(|k| (k as f32 + 0.5) / LATTICE as f32));
-        let point = low + (high - low) * share;
-        let holders = planes.iter().filter(|of| of.iter().all(|p| p.normal.dot(point) < p.offset_m)).take(2).count();
-        once += u64::from(holders >= 1);
-        more += u64::from(holders >= 2);
-    }
-    if once == 0 { 0.0 } else { more as f64 / once as f64 }
 }
 
 #[cfg(test)]

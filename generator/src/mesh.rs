@@ -13,10 +13,6 @@ pub(crate) struct Mesh {
     pub(crate) corners_m: Vec<DVec3>,
     /// The triangles as corner indices.
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Number of the file's triangles with two equal corners; they are dropped.
-    pub(crate) degenerate_count: usize,
-    /// Number of the file's triangles that are there once more, with the same side outside; they are dropped.
-    pub(crate) repeated_count: usize,
     /// How the triangles meet at their edges.
     pub(crate) seams: Seams,
 }
@@ -112,15 +108,13 @@ impl Mesh {
 
     /// The mesh of corners and triangles, whose equal corners have one number, that of the first.
     fn joined(all_m: &[DVec3], mut joined: Vec<[u32; 3]>) -> Result<Self, String> {
-        let count = joined.len();
         joined.retain(|[a, b, c]| a != b && b != c && a != c);
         if joined.is_empty() {
             return Err("it has no triangles".to_owned());
         }
-        let degenerate_count = count - joined.len();
+        // A triangle that is there once more, with the same side outside, is dropped.
         let mut seen = BTreeSet::new();
         joined.retain(|[a, b, c]| seen.insert([[*a, *b, *c], [*b, *c, *a], [*c, *a, *b]].into_iter().min()));
-        let repeated_count = count - degenerate_count - joined.len();
         // Corners of a scan that belong to no triangle are dropped.
         let mut used = joined.as_flattened().to_vec();
         used.sort_unstable();
@@ -129,8 +123,6 @@ impl Mesh {
         let triangles: Vec<[u32; 3]> = joined.into_iter().map(|triangle| triangle.map(number)).collect();
         Ok(Self {
             corners_m: used.iter().map(|place| all_m[*place as usize]).collect(),
-            degenerate_count,
-            repeated_count,
             seams: Seams::of(&triangles),
             triangles,
         })
@@ -161,12 +153,7 @@ impl Mesh {
             first_of.push(first.unwrap_or(place));
         }
         let joined = self.triangles.iter().map(|triangle| triangle.map(|corner| first_of[corner as usize])).collect();
-        let welded = Self::joined(&self.corners_m, joined)?;
-        Ok(Self {
-            degenerate_count: self.degenerate_count + welded.degenerate_count,
-            repeated_count: self.repeated_count + welded.repeated_count,
-            ..welded
-        })
+        Self::joined(&self.corners_m, joined)
     }
 
     /// The lower and the upper corner of the bounding box, in metres.
@@ -277,11 +264,11 @@ pub(crate) mod tests {
         let turned = |[a, b, c]: &[u32; 3]| [*b, *c, *a];
         let doubled = [triangles.clone(), triangles.iter().map(turned).collect(), triangles.clone()].concat();
         let mesh = Mesh::new(&corners, &doubled, 1.0).unwrap();
-        assert_eq!((mesh.triangles.len(), mesh.repeated_count), (12, 24));
+        assert_eq!(mesh.triangles.len(), 12);
         assert!(mesh.seams.is_watertight());
         let backs: Vec<[u32; 3]> = triangles.iter().map(|[a, b, c]| [*c, *b, *a]).collect();
         let mesh = Mesh::new(&corners, &[triangles, backs].concat(), 1.0).unwrap();
-        assert_eq!((mesh.triangles.len(), mesh.repeated_count), (24, 0));
+        assert_eq!(mesh.triangles.len(), 24);
     }
 
     #[test]

@@ -57,7 +57,7 @@ pub use grid::{Grid, GridError, Lattice, VoxelGrid};
 pub use gripper::{FingerTip, Gripper, HandBox, PoseParts};
 pub use hands::{HANDS_MAX, Hands, hand_of};
 pub use law::{Drawn, Law, SLIDE_SHARE, TIP_DEPTH_M, Tilt, along_normal, law_of};
-pub use mass_integrals::{MassIntegrals, relative_difference};
+pub use mass_integrals::MassIntegrals;
 pub use model::{CORNERS_MAX, MODELS_MAX, Model, ModelPart, NAME_MAX, ObjectShape, PARTS_MAX, Shape};
 pub use object_grasps::{GraspSource, GripTest, Margins, ObjectGrasp, ObjectGrasps, StablePose};
 pub use outcome::{HitKind, Outcome};

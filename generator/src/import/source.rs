@@ -57,22 +57,20 @@ pub fn sources(paths: &[PathBuf], described: Option<&Path>) -> Result<Vec<Source
 /// the same mesh in several formats.
 fn one_format(found: Vec<(PathBuf, Vec<String>)>) -> Vec<(PathBuf, Vec<String>)> {
     let place = |file: &Path| ENDINGS.iter().position(|one| ending(file).as_deref() == Some(one));
-    let mut first: BTreeMap<PathBuf, PathBuf> = BTreeMap::new();
-    for (file, _) in found.iter().filter(|(file, _)| place(file).is_some()) {
-        let chosen = first.entry(file.with_extension("")).or_insert_with(|| file.clone());
-        if place(file) < place(chosen) {
-            chosen.clone_from(file);
-        }
+    let mut first: BTreeMap<PathBuf, usize> = BTreeMap::new();
+    for (file, place) in found.iter().filter_map(|(file, _)| Some((file, place(file)?))) {
+        let first = first.entry(file.with_extension("")).or_insert(place);
+        *first = place.min(*first);
     }
-    let is_chosen = |file: &Path| {
-        let chosen = first.get(&file.with_extension("")).filter(|_| place(file).is_some());
-        if let Some(chosen) = chosen.filter(|chosen| ending(chosen) != ending(file)) {
-            tracing::warn!("{} is imported, not {}", chosen.display(), file.display());
-            return false;
+    let is_chosen = |(file, _): &(PathBuf, Vec<String>)| {
+        let first =
+            first.get(&file.with_extension("")).filter(|first| place(file).is_some_and(|place| place > **first));
+        if let Some(first) = first {
+            tracing::warn!("its .{} is imported, not {}", ENDINGS[*first], file.display());
         }
-        true
+        first.is_none()
     };
-    found.into_iter().filter(|(file, _)| is_chosen(file)).collect()
+    found.into_iter().filter(is_chosen).collect()
 }
 
 /// Adds the files below a folder, each with the names of the folders on the way to it. A folder that links lead to

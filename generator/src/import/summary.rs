@@ -12,12 +12,8 @@ use crate::config::Config;
 use crate::measured::Measured;
 use crate::mesh::Seams;
 
-/// If an object's longest side is not between these, a warning questions its units.
-const PLAUSIBLE_M: [f64; 2] = [0.005, 1.0];
-/// Larger differences between mesh and parts cause a warning: volume, inertia, overlap.
+/// A larger difference between the volumes of mesh and parts causes a warning.
 const VOLUME_SHARE: f64 = 0.15;
-const INERTIA_SHARE: f64 = 0.1;
-const OVERLAP_SHARE: f64 = 0.05;
 /// So does a larger distance of parts from the mesh's surface.
 const OFF_M: f64 = 0.002;
 /// Decimals of a corner in a catalogue: a tenth of a micrometre.
@@ -52,8 +48,6 @@ pub struct ImportedObject {
     pub centre_of_mass_m: [f64; 3],
     /// Principal moments of inertia about it, in kg m², smallest first; of the mesh or of the parts.
     pub inertia_kg_m2: [f64; 3],
-    /// Volume of its convex hull in cubic metres.
-    pub hull_volume_m3: f64,
     /// Convex parts.
     pub parts: usize,
     /// Largest number of corners of a part.
@@ -62,34 +56,18 @@ pub struct ImportedObject {
     pub simplified_m: f64,
     /// Largest distance in metres by which its surface lies inside of a part.
     pub filled_m: f64,
-    /// Volume of all parts in cubic metres; overlaps count twice, as in the mass.
-    pub parts_volume_m3: f64,
     /// The parts' volume as a share of the mesh's.
     pub parts_volume_share: Option<f64>,
-    /// Share of the union of the parts that lies in more than one of them.
-    pub parts_overlap_share: f64,
-    /// Relative difference of the parts' inertia from the mesh's.
-    pub parts_inertia_difference: Option<f64>,
     /// The smallest distance between two parallel planes that enclose the object, in metres.
     pub smallest_width_m: f64,
-    /// Whether the open hand spans that distance.
-    pub fits_gripper: bool,
-    /// Whether it fits the workspace in any orientation.
-    pub fits_workspace: bool,
     /// How its test drops ended, if it fits into a scene.
     pub test_drops: Option<TestDrops>,
     /// Warnings as text.
     pub warnings: Vec<String>,
 }
 
-/// How far the widest hand opens.
-pub(super) fn opening_m(config: &Config) -> f32 {
-    config.gripper.all().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max)
-}
-
 /// What is unusual about an object, one sentence each.
 pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Measured) -> Vec<String> {
-    let longest_m = measured.extents_m.max_element();
     let of_parts = "its mass, unless given, is that of its hull, its inertia that of its parts";
     let mut warnings = Vec::new();
     if !object.is_watertight {
@@ -110,47 +88,20 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
     if measured.was_inside_out {
         warnings.push("its triangles were inside out; they were reversed".to_owned());
     }
-    if measured.mesh.degenerate_count > 0 {
-        warnings.push(format!("{} triangles without an area were dropped", measured.mesh.degenerate_count));
-    }
-    if measured.mesh.repeated_count > 0 {
-        warnings.push(format!("{} triangles were there more than once", measured.mesh.repeated_count));
-    }
-    if longest_m > PLAUSIBLE_M[1] {
-        let scale = object.scale_m * 0.001;
-        warnings.push(format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {scale}"));
-    }
-    if longest_m < PLAUSIBLE_M[0] {
-        let (longest_mm, scale) = (longest_m * 1000.0, object.scale_m * 1000.0);
-        warnings.push(format!("{longest_mm:.3} mm long: if the file is in metres, give --scale {scale}"));
-    }
-    if !object.fits_gripper {
-        let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, opening_m(config) * 1000.0);
+    let opening_m = config.gripper.all().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max);
+    if object.smallest_width_m >= f64::from(opening_m) {
+        let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, opening_m * 1000.0);
         warnings.push(format!(
             "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
         ));
     }
-    if !object.fits_workspace {
-        let side_m = config.grid.size_m;
+    let side_m = config.grid.size_m;
+    if measured.extents_m.length() > f64::from(side_m) {
         warnings.push(format!(
             "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped; --rests-min leaves such \
              objects out"
         ));
     }
-    warnings.extend(warnings_of_parts(object));
-    if let Some(drops) = object.test_drops.filter(|drops| drops.rested < drops.count()) {
-        let (rested, count, moved_on, left) = (drops.rested, drops.count(), drops.moved_on, drops.left);
-        warnings.push(format!(
-            "it came to rest in {rested} of {count} test drops: {moved_on} times it moved on, {left} times it left the workspace; \
-             --rests-min leaves such objects out"
-        ));
-    }
-    warnings
-}
-
-/// What is unusual about the parts beside the mesh.
-fn warnings_of_parts(object: &ImportedObject) -> Vec<String> {
-    let mut warnings = Vec::new();
     if let Some(share) = object.parts_volume_share.filter(|share| (share - 1.0).abs() > VOLUME_SHARE) {
         let cure = if share > 1.0 {
             "a smaller --tolerance: the parts fill hollows"
@@ -166,11 +117,12 @@ fn warnings_of_parts(object: &ImportedObject) -> Vec<String> {
             1000.0 * off_m
         ));
     }
-    if let Some(share) = object.parts_inertia_difference.filter(|share| *share > INERTIA_SHARE) {
-        warnings.push(format!("the parts' inertia is {:.1} % from the mesh's", 100.0 * share));
-    }
-    if object.parts_overlap_share > OVERLAP_SHARE {
-        warnings.push(format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share));
+    if let Some(drops) = object.test_drops.filter(|drops| drops.rested < drops.count()) {
+        let (rested, count, moved_on, left) = (drops.rested, drops.count(), drops.moved_on, drops.left);
+        warnings.push(format!(
+            "it came to rest in {rested} of {count} test drops: {moved_on} times it moved on, {left} times it left the workspace; \
+             --rests-min leaves such objects out"
+        ));
     }
     warnings
 }
