@@ -207,7 +207,7 @@ fn part(raw: &RawPart) -> Result<Part, String> {
             let kinds = ShapeKind::ALL.map(ShapeKind::name).join(", ");
             let kind = ShapeKind::from_name(name)
                 .ok_or_else(|| format!("shape must be one of {kinds}, hull, ellipsoid, got {name}"))?;
-            PartShape::Solid(Solid::new(kind, size_m()?).map_err(|e| e.to_string())?)
+            PartShape::Solid(Solid::new(kind, size_m()?)?)
         }
     };
     let turned = |axis: Vec3| axis_angle(axis, Vec3::from_array(raw.turn_deg).dot(axis).to_radians());

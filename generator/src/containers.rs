@@ -42,7 +42,7 @@ impl ContainerParams {
             thickness_m: self.thickness_m[1],
             slope_rad: self.slope_rad[1],
         };
-        self.inner_m.into_iter().find_map(|inner_m| of(inner_m).check(grid).err()).map(|fault| fault.to_string())
+        self.inner_m.into_iter().find_map(|inner_m| of(inner_m).check(grid).err())
     }
 }
 

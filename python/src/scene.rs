@@ -173,7 +173,7 @@ impl Body {
         let names = || ShapeKind::ALL.map(ShapeKind::name).join(", ");
         let kind = ShapeKind::from_name(kind)
             .ok_or_else(|| wrong(format!("shape must be one of {}, got {kind:?}", names())))?;
-        let solid = Solid::new(kind, Vec3::from_array(extents_m)).map_err(|error| wrong(error.to_string()))?;
+        let solid = Solid::new(kind, Vec3::from_array(extents_m)).map_err(wrong)?;
         Ok(Self { body: solid.into(), centre_m: Vec3::ZERO })
     }
 
@@ -283,7 +283,7 @@ impl Scene {
             let kind = ContainerKind::from_name(&kind)
                 .ok_or_else(|| wrong(format!("kind must be one of {}, got {kind:?}", names())))?;
             let (container, grid) = (Container::of_sizes(kind, sizes), Grid { size_m, table_z_m, ..Grid::PAPER });
-            container.check(&grid).map_err(|error| wrong(error.to_string()))?;
+            container.check(&grid).map_err(wrong)?;
             Ok::<_, PyErr>(((container, size_m), container.parts(&grid)))
         };
         let (container, fixtures) = container.map(made).transpose()?.unzip();

@@ -35,31 +35,6 @@ pub struct Container {
     pub slope_rad: f32,
 }
 
-/// Why there is no such container.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum ContainerError {
-    /// A number is out of its range.
-    #[error("a container's {name} must be between {least} and {most}, got {got}")]
-    Range {
-        /// Which.
-        name: &'static str,
-        /// The least that it may be.
-        least: f32,
-        /// The most.
-        most: f32,
-        /// What it is.
-        got: f32,
-    },
-    /// It sticks out of the workspace.
-    #[error("a container must fit into a workspace of {size_m} m that has its table at {table_z_m} m")]
-    Outside {
-        /// Side of the workspace.
-        size_m: f32,
-        /// Height of the table.
-        table_z_m: f32,
-    },
-}
-
 impl Container {
     /// Shortest and longest inner side, in metres.
     pub const INNER_M: [f32; 2] = [0.05, 2.5];
@@ -73,8 +48,8 @@ impl Container {
     /// Checks its numbers, and that it fits into a workspace.
     ///
     /// # Errors
-    /// [`ContainerError`].
-    pub fn check(&self, grid: &Grid) -> Result<(), ContainerError> {
+    /// What is wrong.
+    pub fn check(&self, grid: &Grid) -> Result<(), String> {
         let [x_m, y_m] = self.inner_m;
         // What the slope leaves of the floor.
         let floor_m = x_m.min(y_m) - 2.0 * self.lean_m();
@@ -87,13 +62,15 @@ impl Container {
             ("floor", floor_m, Self::INNER_M),
         ] {
             if !(least..=most).contains(&got) {
-                return Err(ContainerError::Range { name, least, most, got });
+                return Err(format!("a container's {name} must be between {least} and {most}, got {got}"));
             }
         }
         let [width_m, depth_m, height_m] = self.outer_m();
         let Grid { size_m, table_z_m, .. } = *grid;
         if width_m.max(depth_m) > size_m || table_z_m + height_m > size_m {
-            return Err(ContainerError::Outside { size_m, table_z_m });
+            return Err(format!(
+                "a container must fit into a workspace of {size_m} m that has its table at {table_z_m} m"
+            ));
         }
         Ok(())
     }
@@ -246,7 +223,7 @@ mod tests {
 
     #[test]
     fn what_is_out_of_range_or_of_the_workspace_is_refused() {
-        let refused = |container: Container| container.check(&Grid::PAPER).unwrap_err().to_string();
+        let refused = |container: Container| container.check(&Grid::PAPER).unwrap_err();
         assert_eq!(
             refused(Container { thickness_m: 0.0, ..BIN }),
             "a container's thickness_m must be between 0.001 and 0.1, got 0"

@@ -20,15 +20,6 @@ settings! {
     check Grid::table_fits
 }
 
-/// Why a grid cannot be.
-#[derive(Debug, thiserror::Error, PartialEq)]
-#[error("a grid of {} x {} x {} voxels needs {expected} values, got {got}", counts[0], counts[1], counts[2])]
-pub struct GridError {
-    counts: [usize; 3],
-    expected: usize,
-    got: usize,
-}
-
 impl Grid {
     /// The paper's and VGN's grid: 40³ voxels of 7.5 mm, the table at 0.05 m.
     pub const PAPER: Self = Self { resolution: 40, size_m: 0.30, table_z_m: 0.05 };
@@ -177,15 +168,14 @@ impl VoxelGrid {
     /// Values of a grid or another lattice.
     ///
     /// # Errors
-    /// [`GridError`] unless there is one value a voxel.
-    pub fn new(lattice: impl Into<Lattice>, values: Vec<f32>) -> Result<Self, GridError> {
+    /// Unless there is one value a voxel.
+    pub fn new(lattice: impl Into<Lattice>, values: Vec<f32>) -> Result<Self, String> {
         let lattice = lattice.into();
-        let (expected, got) = (lattice.len(), values.len());
-        if got == expected {
-            Ok(Self { lattice, values })
-        } else {
-            Err(GridError { counts: lattice.counts, expected, got })
+        let ([x, y, z], expected, got) = (lattice.counts, lattice.len(), values.len());
+        if got != expected {
+            return Err(format!("a grid of {x} x {y} x {z} voxels needs {expected} values, got {got}"));
         }
+        Ok(Self { lattice, values })
     }
 }
 

@@ -50,10 +50,10 @@ mod solid;
 pub mod statistics;
 
 pub use camera::{Camera, ColorImage, DepthImage, Intrinsics, View};
-pub use container::{Container, ContainerError, ContainerKind};
+pub use container::{Container, ContainerKind};
 pub use generation::{CameraParams, Engine, Physics, SettleParams, TsdfParams, ViewParams};
 pub use grasp::Grasp;
-pub use grid::{Grid, GridError, Lattice, VoxelGrid};
+pub use grid::{Grid, Lattice, VoxelGrid};
 pub use gripper::{FingerTip, Gripper, HandBox, PoseParts};
 pub use hands::{HANDS_MAX, Hands, hand_of};
 pub use law::{Drawn, Law, SLIDE_SHARE, TIP_DEPTH_M, Tilt, along_normal, law_of};
@@ -68,4 +68,4 @@ pub use procedure::Procedure;
 pub use record::{AttemptRecord, ObjectRecord, SceneRecord, SceneRejections, SceneRows};
 pub use rule::{Approach, Axis, Rule};
 pub use seed::{Purpose, Stream};
-pub use solid::{FACETS, Plane, ShapeKind, Solid, SolidError};
+pub use solid::{FACETS, Plane, ShapeKind, Solid};

@@ -37,17 +37,6 @@ pub struct Solid {
     pub extents_m: Vec3,
 }
 
-/// Why a solid cannot be.
-#[derive(Debug, thiserror::Error, PartialEq)]
-pub enum SolidError {
-    /// An extent is zero, negative or not a number.
-    #[error("extents must be finite and above 0 m, got {0}")]
-    Extents(Vec3),
-    /// A round shape's extents do not belong to a circle.
-    #[error("a {0} must have a circular outline, got extents {1}")]
-    NotRound(&'static str, Vec3),
-}
-
 /// A half-space `normal · p ≤ offset_m` of a convex solid, in the object frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane {
@@ -70,10 +59,10 @@ impl Solid {
     /// A solid from its kind and bounding box.
     ///
     /// # Errors
-    /// [`SolidError`] if an extent is not positive or a round shape is not round (to 1e-5 relative).
-    pub fn new(kind: ShapeKind, extents_m: Vec3) -> Result<Self, SolidError> {
+    /// If an extent is not positive or a round shape is not round (to 1e-5 relative).
+    pub fn new(kind: ShapeKind, extents_m: Vec3) -> Result<Self, String> {
         if !extents_m.to_array().iter().all(|e| e.is_finite() && *e > 0.0) {
-            return Err(SolidError::Extents(extents_m));
+            return Err(format!("extents must be finite and above 0 m, got {extents_m}"));
         }
         let same = |a: f32, b: f32| (a - b).abs() <= 1e-5 * a.max(b);
         let round = match kind {
@@ -81,7 +70,10 @@ impl Solid {
             ShapeKind::Cylinder => same(extents_m.x, extents_m.y),
             ShapeKind::HalfCylinder => same(extents_m.y, 2.0 * extents_m.z),
         };
-        if round { Ok(Self { kind, extents_m }) } else { Err(SolidError::NotRound(kind.name(), extents_m)) }
+        if !round {
+            return Err(format!("a {} must have a circular outline, got extents {extents_m}", kind.name()));
+        }
+        Ok(Self { kind, extents_m })
     }
 
     /// The outline in the plane across the extrusion axis, counter-clockwise seen against that axis.

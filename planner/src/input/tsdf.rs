@@ -18,7 +18,7 @@ pub fn read_tsdf(bytes: &[u8], grid: Grid) -> Result<VoxelGrid, InputError> {
     }
     let values = header.decode(data);
     check_values(&values, side)?;
-    VoxelGrid::new(grid, values).map_err(|error| InputError::Value(error.to_string()))
+    VoxelGrid::new(grid, values).map_err(InputError::Value)
 }
 
 fn check_values(values: &[f32], side: usize) -> Result<(), InputError> {

@@ -67,7 +67,7 @@ pub(crate) fn scene_head(scene: &SceneRecord, info: &DatasetInfo) -> Checked {
     must(scene.container.is_none() || info.has_containers(), || {
         "a scene must have no container where the config has none".to_owned()
     })?;
-    scene.container.map_or(Ok(()), |container| container.check(&info.grid)).map_err(|e| e.to_string())?;
+    scene.container.map_or(Ok(()), |container| container.check(&info.grid))?;
     scene.views.iter().try_for_each(view)
 }
 

@@ -103,7 +103,7 @@ pub(crate) fn objects(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Vec
 /// A shape with its size. A model has one size.
 fn object_shape(shape: Shape, extents_m: Vec3, models: &[Arc<Model>]) -> Result<ObjectShape, String> {
     match shape {
-        Shape::Primitive(kind) => Solid::new(kind, extents_m).map(Into::into).map_err(|e| e.to_string()),
+        Shape::Primitive(kind) => Solid::new(kind, extents_m).map(Into::into),
         Shape::Model(number) => {
             let model = models.get(usize::from(number)).ok_or("there is no such model")?;
             if model.extents_m != extents_m {
