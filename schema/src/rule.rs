@@ -72,13 +72,7 @@ impl Approach {
     /// Place in [`Self::ALL`].
     #[must_use]
     pub fn index(self) -> usize {
-        match self {
-            Self::Axis(axis) => axis as usize,
-            Self::Normal => 3,
-            Self::Proposal => 4,
-            Self::Displaced => 5,
-            Self::Judged => 6,
-        }
+        Self::ALL.into_iter().take_while(|other| *other != self).count()
     }
 
     /// The name in shards.
@@ -94,6 +88,24 @@ impl Approach {
     }
 }
 
+/// Names by shape, in the order of [`Approach::ALL`].
+macro_rules! names {
+    ($($shape:literal)*) => {
+        [$([
+            concat!($shape, "_x"),
+            concat!($shape, "_y"),
+            concat!($shape, "_z"),
+            concat!($shape, "_normal"),
+            concat!($shape, "_proposal"),
+            concat!($shape, "_displaced"),
+            concat!($shape, "_judged"),
+        ]),*]
+    };
+}
+
+/// Models are approached along no axis; `shards` refuses such rows.
+const NAMES: [[&str; 7]; 5] = names!["cuboid" "cylinder" "tri_prism" "half_cylinder" "model"];
+
 /// A target's shape and how the grasp was drawn. Models have no axes that Appendix A knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rule {
@@ -104,9 +116,6 @@ pub struct Rule {
 }
 
 impl Rule {
-    /// Number of names: twelve rows of Appendix A, then for each other approach the four shapes and all models.
-    pub const NAMES: usize = 12 + 4 * 5;
-
     /// The twelve rows of Appendix A.
     #[must_use]
     pub fn of_the_paper() -> [Self; 12] {
@@ -142,46 +151,6 @@ impl Rule {
     /// The name in shards and reports, such as `tri_prism_x`.
     #[must_use]
     pub fn name(self) -> &'static str {
-        const NAMES: [[&str; 7]; 5] = [
-            [
-                "cuboid_x",
-                "cuboid_y",
-                "cuboid_z",
-                "cuboid_normal",
-                "cuboid_proposal",
-                "cuboid_displaced",
-                "cuboid_judged",
-            ],
-            [
-                "cylinder_x",
-                "cylinder_y",
-                "cylinder_z",
-                "cylinder_normal",
-                "cylinder_proposal",
-                "cylinder_displaced",
-                "cylinder_judged",
-            ],
-            [
-                "tri_prism_x",
-                "tri_prism_y",
-                "tri_prism_z",
-                "tri_prism_normal",
-                "tri_prism_proposal",
-                "tri_prism_displaced",
-                "tri_prism_judged",
-            ],
-            [
-                "half_cylinder_x",
-                "half_cylinder_y",
-                "half_cylinder_z",
-                "half_cylinder_normal",
-                "half_cylinder_proposal",
-                "half_cylinder_displaced",
-                "half_cylinder_judged",
-            ],
-            // Models are approached along no axis; `shards` refuses such rows.
-            ["model_x", "model_y", "model_z", "model_normal", "model_proposal", "model_displaced", "model_judged"],
-        ];
         let shape = if let Shape::Primitive(kind) = self.shape { kind as usize } else { 4 };
         NAMES[shape][self.approach.index()]
     }
@@ -207,7 +176,8 @@ mod tests {
             assert_eq!(Approach::from_name(rule.approach.name()), Some(rule.approach));
             names.push(rule.name());
         }
-        assert_eq!(names.len(), Rule::NAMES);
+        // Twelve rows of Appendix A, then for each other approach the four shapes and all models.
+        assert_eq!(names.len(), 12 + 4 * 5);
         let of_model = Rule { shape: Shape::Model(7), approach: Approach::Normal };
         assert_eq!((of_model.name(), of_model.index()), ("model_normal", 16));
         assert_eq!(of_model.named(), Rule { shape: Shape::Model(0), approach: Approach::Normal });
