@@ -371,7 +371,7 @@ def repeat(document: dict, times: int) -> None:
         (lambda document: document["accessors"][0].update(count=5), "accessor 0 must lie within its view"),
         (lambda document: document["accessors"][1].update(byteOffset=4), "accessor 1 must lie within its view"),
         (lambda document: document["bufferViews"][1].update(byteLength=1000), "must lie within"),
-        (lambda document: document["buffers"][0].update(uri="a.bin"), "its buffer 0 must be in the file"),
+        (lambda document: document["buffers"][0].update(uri="a.bin"), "its buffers must be in the file"),
         (lambda document: document.update(extensionsRequired=["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
         (lambda document: compress(document), "it requires KHR_draco_mesh_compression"),
         (lambda document: document["accessors"][1].update(componentType=5126, count=6), "whole numbers"),
