@@ -4,10 +4,10 @@ use program::Failure;
 use rayon::prelude::*;
 use schema::{AttemptRecord, Engine, Outcome, SceneRows};
 use shards::Dataset;
-use simulator::{AttemptWorld, Body, Execution, Physics, Scene};
+use simulator::{AttemptWorld, Execution, Physics, Scene};
 
 use crate::dataset_info::{bodies_of, physics_of, robustness_of};
-use crate::robustness::{Repeats, RobustnessParams};
+use crate::robustness::Repeats;
 
 /// Scenes whose rows are in memory together.
 const SCENES_AT_ONCE: usize = 16;
@@ -40,15 +40,32 @@ pub struct Difference {
 /// # Errors
 /// If the dataset cannot be read or was made by an engine that this program does not have.
 pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Result<Repeated, Failure> {
-    let stored = physics_of(&dataset.info().config)?;
+    let info = dataset.info();
+    let stored = physics_of(&info.config)?;
     let physics = Physics { engine: engine.unwrap_or(stored.engine), ..stored };
-    let is_same = if physics == stored { is_as_stored } else { ended_as_stored };
-    let bodies = bodies_of(dataset.info())?;
+    let is_own_engine = physics == stored;
+    let bodies = bodies_of(info)?;
     // Repeats of another engine end otherwise.
-    let robustness = if physics == stored { robustness_of(dataset.info())? } else { None };
+    let robustness = if is_own_engine { robustness_of(info)? } else { None };
+    let repeat_scene = |rows: &SceneRows| -> Vec<Difference> {
+        let scene = Scene::from_records(info.grid.table_z_m, rows.scene.fixtures(&info.grid), &rows.objects, &bodies);
+        let (scene_id, procedure) = (rows.scene.scene_id, &info.procedure);
+        let hand = info.hand_of(scene_id);
+        let world = AttemptWorld::new(&physics, hand, procedure, &scene);
+        let repeats = Repeats::of_scene(robustness.as_ref(), info.seed, scene_id, &physics, hand, procedure, &scene);
+        let again = |row: &AttemptRecord| {
+            let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
+            let ends_so = if is_own_engine { is_as_stored(row, &now) } else { row.outcome == now.outcome };
+            let is_as_robust = repeats.as_ref().is_none_or(|repeats| repeats.robustness(row) == row.robustness);
+            let attempt_id = row.attempt_id;
+            let difference = Difference { scene_id, attempt_id, stored: row.outcome, now: now.outcome };
+            (!(ends_so && is_as_robust)).then_some(difference)
+        };
+        rows.attempts.iter().filter_map(again).collect()
+    };
     let mut repeated = Repeated { attempts: 0, different: Vec::new() };
     for shard in 0..dataset.shard_count() {
-        let ids = dataset.info().scenes_of(shard);
+        let ids = info.scenes_of(shard);
         let ids = ids.start..ids.end.min(scene_count);
         if ids.is_empty() {
             break;
@@ -59,49 +76,11 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
             if some.is_empty() {
                 break;
             }
-            let found: Vec<Repeated> = some
-                .par_iter()
-                .map(|rows| repeat_scene(dataset, &physics, &bodies, robustness.as_ref(), rows, is_same))
-                .collect();
-            for one in found {
-                repeated.attempts += one.attempts;
-                repeated.different.extend(one.different);
-            }
+            repeated.attempts += some.iter().map(|rows| rows.attempts.len() as u64).sum::<u64>();
+            repeated.different.par_extend(some.par_iter().flat_map_iter(&repeat_scene));
         }
     }
     Ok(repeated)
-}
-
-fn repeat_scene(
-    dataset: &Dataset,
-    physics: &Physics,
-    bodies: &[Body],
-    robustness: Option<&RobustnessParams>,
-    rows: &SceneRows,
-    is_same: fn(&AttemptRecord, &Execution) -> bool,
-) -> Repeated {
-    let (info, attempts) = (dataset.info(), &rows.attempts);
-    let scene = Scene::from_records(info.grid.table_z_m, rows.scene.fixtures(&info.grid), &rows.objects, bodies);
-    let scene_id = rows.scene.scene_id;
-    let (hand, procedure) = (info.hand_of(scene_id), &info.procedure);
-    let world = AttemptWorld::new(physics, hand, procedure, &scene);
-    let repeats = Repeats::of_scene(robustness, info.seed, scene_id, physics, hand, procedure, &scene);
-    let again = |row: &AttemptRecord| {
-        let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
-        let attempt_id = row.attempt_id;
-        let is_as_robust = repeats.as_ref().is_none_or(|repeats| repeats.robustness(row) == row.robustness);
-        (!(is_same(row, &now) && is_as_robust)).then_some(Difference {
-            scene_id,
-            attempt_id,
-            stored: row.outcome,
-            now: now.outcome,
-        })
-    };
-    Repeated { attempts: attempts.len() as u64, different: attempts.iter().filter_map(again).collect() }
-}
-
-fn ended_as_stored(stored: &AttemptRecord, now: &Execution) -> bool {
-    stored.outcome == now.outcome
 }
 
 /// Whether an attempt ended as its row says, to the last bit of the opening.

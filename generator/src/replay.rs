@@ -92,22 +92,14 @@ pub fn replay(info: &DatasetInfo, rows: &SceneRows, attempt_id: u32) -> Result<R
         Failure::new(ExitCode::Config, text)
     };
     let stored = rows.attempts.get(attempt_id as usize).ok_or_else(no_such)?;
-    Ok(replay_some(info, rows, std::slice::from_ref(stored), |replay| replay)?.remove(0))
+    Ok(replays(info, rows, std::slice::from_ref(stored), |replay| replay)?.remove(0))
 }
 
-/// What `show` makes of the replay of each attempt of a scene.
+/// What `show` makes of the replay of each of some attempts of a scene.
 ///
 /// # Errors
 /// If the dataset was not made by this engine.
 pub fn replays<T: Send>(
-    info: &DatasetInfo,
-    rows: &SceneRows,
-    show: impl Fn(Replay) -> T + Sync,
-) -> Result<Vec<T>, Failure> {
-    replay_some(info, rows, &rows.attempts, show)
-}
-
-fn replay_some<T: Send>(
     info: &DatasetInfo,
     rows: &SceneRows,
     attempts: &[AttemptRecord],

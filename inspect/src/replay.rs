@@ -22,7 +22,7 @@ pub fn replayed(dataset: &Dataset, id: AttemptId) -> Result<(Replay, View), Fail
 /// with whether it ends as stored.
 pub(crate) fn of_scene(dataset: &Dataset, rows: &SceneRows, scene: &View) -> Result<Vec<(String, bool)>, Failure> {
     let packed = |replay: Replay| Ok((attempt_view(dataset, rows, &replay)?.packed(scene), replay.is_reproduced()));
-    generator::replays(dataset.info(), rows, packed)?.into_iter().collect()
+    generator::replays(dataset.info(), rows, &rows.attempts, packed)?.into_iter().collect()
 }
 
 /// As [`of_scene`], of some grasps of a set for the page of their object.
