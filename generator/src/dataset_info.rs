@@ -56,33 +56,20 @@ impl Config {
             "physics": self.physics,
         });
         stored["physics"]["engine"] = json!(stored_name(self.physics.engine));
-        if self.sampler == Sampler::Mixed {
-            stored["shares"] = json!(self.shares);
-        }
-        if let Some(policy) = &self.policy {
-            stored["policy"] = json!(policy);
-        }
         // Keys that others do not have, so that those keep their identity.
-        if let Some(packed) = self.packed {
-            stored["packed"] = json!(packed);
-        }
-        if self.rule_closing != RuleClosing::Drawn {
-            stored["rule_closing"] = json!(self.rule_closing);
-        }
-        if self.spanned_share > 0.0 {
-            stored["spanned_share"] = json!(self.spanned_share);
-        }
-        if !self.view_kinds.is_empty() {
-            stored["view_kinds"] = json!(self.view_kinds);
-        }
-        if !self.container.is_empty() {
-            stored["container"] = json!(self.container);
-        }
-        if let Some(robustness) = &self.robustness {
-            stored["robustness"] = json!(robustness);
-        }
-        if let Some(sensor) = &self.sensor {
-            stored["sensor"] = json!(sensor);
+        let own = [
+            ("shares", (self.sampler == Sampler::Mixed).then(|| json!(self.shares))),
+            ("policy", self.policy.as_ref().map(|policy| json!(policy))),
+            ("packed", self.packed.map(|packed| json!(packed))),
+            ("rule_closing", (self.rule_closing != RuleClosing::Drawn).then(|| json!(self.rule_closing))),
+            ("spanned_share", (self.spanned_share > 0.0).then(|| json!(self.spanned_share))),
+            ("view_kinds", (!self.view_kinds.is_empty()).then(|| json!(self.view_kinds))),
+            ("container", (!self.container.is_empty()).then(|| json!(self.container))),
+            ("robustness", self.robustness.as_ref().map(|robustness| json!(robustness))),
+            ("sensor", self.sensor.as_ref().map(|sensor| json!(sensor))),
+        ];
+        for (key, value) in own.into_iter().filter_map(|(key, value)| Some((key, value?))) {
+            stored[key] = value;
         }
         if let Some(objects) = stored["objects"].as_object_mut() {
             let models = objects.remove("catalogue");

@@ -267,8 +267,8 @@ fn blocked(gripper: &Gripper, distance_m: f32, obstruction: &Obstruction) -> Blo
         format!("after {:.1} mm of the approach", obstruction.travel_m * 1000.0)
     };
     let tested = |hand_box: HandBox| {
-        let there = HandBox { centre_m: hand_box.centre_m - Vec3::Z * distance_m, ..hand_box };
-        let tested = if is_before { there } else { hand_box.swept_back(distance_m) };
+        let back = -Vec3::Z * distance_m;
+        let tested = if is_before { hand_box.moved(back) } else { hand_box.swept(back) };
         tested.grown(gripper.clearance_m)
     };
     Blocked {

@@ -28,7 +28,6 @@ pub struct AnnotateParams {
     /// How they are drawn.
     pub shares: GraspShares,
     /// What an object must bear to be held.
-    #[serde(serialize_with = "by_name")]
     pub test: GripTest,
     /// Whether to measure how much each grip bears.
     pub margins: bool,
@@ -43,10 +42,6 @@ pub struct AnnotateParams {
     pub drops: u32,
     /// Seed of every draw.
     pub seed: u64,
-}
-
-fn by_name<S: serde::Serializer>(test: &GripTest, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(test.name())
 }
 
 /// An object to be annotated.
