@@ -1,6 +1,6 @@
 //! The result of a run as terminal text.
 
-use generator::{Report, Stopped};
+use generator::Report;
 use program::text::{bar, grouped, percent, ratio};
 use schema::Outcome;
 use shards::{Counts, Finalized, Location};
@@ -23,8 +23,8 @@ pub(crate) fn render(report: &Report, at: &Location, elapsed_s: f64) -> String {
     }
     let next = match (&report.dataset, &report.stopped) {
         (Some(Finalized::Complete(_)), _) if made == 0 => format!("complete already: {at}"),
-        (_, Some(Stopped { finished, abandoned })) => format!(
-            "stopped: {} finished scenes of incomplete shards are lost, {abandoned} under way\n\
+        (_, Some(finished)) => format!(
+            "stopped: {} finished scenes of incomplete shards are lost\n\
              next: run the same command again, which continues",
             grouped(*finished)
         ),

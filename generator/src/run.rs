@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
@@ -58,19 +58,11 @@ pub struct Report {
     pub made: Counts,
     /// Scenes that this run threw away, by what moved on.
     pub rejected: Rejected,
-    /// Set if the run was stopped before its shards were done.
-    pub stopped: Option<Stopped>,
+    /// If the run was stopped before its shards were done, the number of finished scenes of incomplete shards, which
+    /// the next one makes again.
+    pub stopped: Option<u64>,
     /// The state of the whole dataset; `None` if that was not looked at (see [`LOOK_SHARDS_MAX`]).
     pub dataset: Option<Finalized>,
-}
-
-/// What a stopped run loses, for the next one to make again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Stopped {
-    /// Finished scenes of shards that are not complete.
-    pub finished: u64,
-    /// Scenes that were begun and not finished, at most one a thread.
-    pub abandoned: u64,
 }
 
 /// Scenes that a run threw away.
@@ -154,11 +146,11 @@ pub fn generate(
         let (send, receive) = sync_channel(1);
         let writer = thread::Builder::new().spawn_scoped(scope, || run.write_shards(receive));
         let writer = writer.context("failed to start the writer's thread")?;
-        let abandoned = run.build_scenes(&missing, &mut rejected, &send);
+        let is_stopped = run.build_scenes(&missing, &mut rejected, &send);
         drop(send);
         let made: Counts = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
         let finished = rejected.kept - made.scenes;
-        Ok::<_, Failure>((made, abandoned?.map(|abandoned| Stopped { finished, abandoned })))
+        Ok::<_, Failure>((made, is_stopped?.then_some(finished)))
     })?;
     let looks = is_all || info.shard_count <= LOOK_SHARDS_MAX;
     Ok(Report { made, rejected, stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
@@ -199,22 +191,20 @@ impl Run<'_> {
     }
 
     /// Builds the scenes of `shards` in parallel and sends them in order, each with its shard. If the run is stopped,
-    /// those up to the first unfinished one are sent, and the number of abandoned scenes returned. Also ends early if
-    /// the receiver is gone.
+    /// those up to the first unfinished one are sent, and true is returned. Also ends early if the receiver is gone.
     fn build_scenes(
         &self,
         shards: &[u32],
         rejected: &mut Rejected,
         send: &SyncSender<Vec<(u32, SceneRows)>>,
-    ) -> Result<Option<u64>, Failure> {
+    ) -> Result<bool, Failure> {
         let info = self.draft.info();
         let scenes: Vec<(u32, u64)> =
             shards.iter().flat_map(|shard| info.scenes_of(*shard).map(|scene_id| (*shard, scene_id))).collect();
         let mut by_shape: BTreeMap<Shape, u64> = BTreeMap::new();
-        let abandoned = AtomicU64::new(0);
         for batch in scenes.chunks(SCENES_AT_ONCE) {
             let built: Result<Vec<Option<Finished>>, NoScene> =
-                batch.par_iter().with_max_len(1).map(|(shard, id)| self.build(*shard, *id, &abandoned)).collect();
+                batch.par_iter().with_max_len(1).map(|(shard, id)| self.build(*shard, *id)).collect();
             let built = built?;
             let in_order = built.iter().take_while(|scene| scene.is_some()).count();
             let is_whole = in_order == built.len();
@@ -235,14 +225,14 @@ impl Run<'_> {
                 break;
             }
             if is_stopped && !(is_whole && is_over) {
-                return Ok(Some(abandoned.into_inner()));
+                return Ok(true);
             }
         }
-        Ok(None)
+        Ok(false)
     }
 
     /// Builds a scene; nothing if the run is stopped before it is finished.
-    fn build(&self, shard: u32, scene_id: u64, abandoned: &AtomicU64) -> Result<Option<Finished>, NoScene> {
+    fn build(&self, shard: u32, scene_id: u64) -> Result<Option<Finished>, NoScene> {
         if self.is_stopped() {
             return Ok(None);
         }
@@ -255,10 +245,7 @@ impl Run<'_> {
             if self.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         let rows = match made {
-            Err(NoScene::Abandoned { .. }) => {
-                abandoned.fetch_add(1, Ordering::Relaxed);
-                return Ok(None);
-            }
+            Err(NoScene::Abandoned { .. }) => return Ok(None),
             made => made?,
         };
         let positives = rows.attempts.iter().map(|a| u64::from(a.label())).sum();
