@@ -4,6 +4,7 @@
 //! that the hull of a box has six faces and not twelve: contacts, rays, collision tests and pictures all use faces.
 
 use crate::hull::triangles_of_hull;
+use crate::solid::sides;
 use crate::{Plane, Pose, Solid, Vec3};
 
 /// Points closer to a plane than this share of the hull's size are on it: 10 µm for 0.1 m. This is far above the
@@ -207,11 +208,6 @@ pub fn bounds_m<'a>(points_m: impl IntoIterator<Item = &'a Vec3>) -> [Vec3; 2] {
     points_m
         .into_iter()
         .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], point_m| [low.min(*point_m), high.max(*point_m)])
-}
-
-/// Consecutive pairs of a ring.
-fn sides<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> {
-    ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))
 }
 
 /// A vector along a triangle's normal, with a length of twice its area.

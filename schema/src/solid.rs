@@ -126,17 +126,13 @@ impl Solid {
     #[must_use]
     pub fn planes(&self) -> Vec<Plane> {
         let (outline, half) = (self.outline(), self.half_length_m());
-        let mut planes: Vec<Plane> = (0..outline.len())
-            .map(|i| {
-                let (a, b) = (outline[i], outline[(i + 1) % outline.len()]);
-                let normal = self.lift([b[1] - a[1], a[0] - b[0]], 0.0).normalize();
-                Plane { normal, offset_m: normal.dot(self.lift(a, 0.0)) }
-            })
-            .collect();
+        let side = |(a, b): ([f32; 2], [f32; 2])| {
+            let normal = self.lift([b[1] - a[1], a[0] - b[0]], 0.0).normalize();
+            Plane { normal, offset_m: normal.dot(self.lift(a, 0.0)) }
+        };
         let axis = self.lift([0.0, 0.0], 1.0);
-        planes.push(Plane { normal: -axis, offset_m: half });
-        planes.push(Plane { normal: axis, offset_m: half });
-        planes
+        let ends = [-axis, axis].map(|normal| Plane { normal, offset_m: half });
+        sides(&outline).map(side).chain(ends).collect()
     }
 
     /// The corners of every face, as numbers into [`Self::vertices_m`], counter-clockwise seen from outside; in the
@@ -145,36 +141,21 @@ impl Solid {
     pub fn faces(&self) -> Vec<Vec<usize>> {
         let sides = self.outline().len();
         let side = |i: usize| vec![i, (i + 1) % sides, sides + (i + 1) % sides, sides + i];
-        let mut faces: Vec<Vec<usize>> = (0..sides).map(side).collect();
-        faces.push((0..sides).rev().collect());
-        faces.push((sides..2 * sides).collect());
-        faces
+        let ends = [(0..sides).rev().collect(), (sides..2 * sides).collect()];
+        (0..sides).map(side).chain(ends).collect()
     }
 
     /// The directions of the edges, not normalised, in the object frame: those of the outline, then the extrusion axis.
     #[must_use]
     pub fn edges_m(&self) -> Vec<Vec3> {
-        let outline = self.outline();
-        let mut edges: Vec<Vec3> = (0..outline.len())
-            .map(|i| {
-                let (a, b) = (outline[i], outline[(i + 1) % outline.len()]);
-                self.lift([b[0] - a[0], b[1] - a[1]], 0.0)
-            })
-            .collect();
-        edges.push(self.lift([0.0, 0.0], 2.0 * self.half_length_m()));
-        edges
+        let across = self.lift([0.0, 0.0], 2.0 * self.half_length_m());
+        sides(&self.outline()).map(|(a, b)| self.lift([b[0] - a[0], b[1] - a[1]], 0.0)).chain([across]).collect()
     }
 
     /// Volume of the faceted solid, in cubic metres.
     #[must_use]
     pub fn volume_m3(&self) -> f32 {
-        let outline = self.outline();
-        let twice_area: f32 = (0..outline.len())
-            .map(|i| {
-                let (a, b) = (outline[i], outline[(i + 1) % outline.len()]);
-                a[0] * b[1] - a[1] * b[0]
-            })
-            .sum();
+        let twice_area: f32 = sides(&self.outline()).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
         twice_area * self.half_length_m()
     }
 
@@ -183,6 +164,11 @@ impl Solid {
     pub fn bounding_radius_m(&self) -> f32 {
         0.5 * self.extents_m.length()
     }
+}
+
+/// Consecutive pairs of a ring.
+pub(crate) fn sides<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> {
+    ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))
 }
 
 #[cfg(test)]
