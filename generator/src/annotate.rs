@@ -37,11 +37,10 @@ const COVERED_M: f32 = 0.01;
 const TIGHT: Hold = Hold { moved_m_max: 0.001, turned_rad_max: 0.05 };
 /// How long a pull lasts, in seconds.
 const MARGIN_S: f32 = 0.125;
-/// Pulls between which the strongest is looked for, in g, by so many halvings: within 3 %.
+/// Pulls between which the strongest is looked for, in g.
 const TUG_G: [f32; 2] = [0.125, 64.0];
-const TUG_HALVINGS: u32 = 8;
-/// Halvings that find the smallest share of the friction: within a 256th.
-const FRICTION_HALVINGS: u32 = 8;
+/// Halvings that find the strongest pull, within 3 %, and the smallest share of the friction, within a 256th.
+const HALVINGS: u32 = 8;
 
 /// Draws and labels the grasps of an object. `on_grasps` is told how many there are by now; where it says no, the work
 /// is given up, and there is no set.
@@ -199,12 +198,7 @@ impl<'a> Bench<'a> {
                 tug_max_g = 0.0;
                 break;
             }
-            let (mut low, mut high) = (weakest_g, tug_max_g);
-            for _ in 0..TUG_HALVINGS {
-                let middle = (low * high).sqrt();
-                *if bears(middle) { &mut low } else { &mut high } = middle;
-            }
-            tug_max_g = low;
+            tug_max_g = last_borne([weakest_g, tug_max_g], |[low, high]| (low * high).sqrt(), bears);
         }
         for direction in sides() {
             let bears = |share: f32| grip.bear(&pull(direction, 1.0), &TIGHT, share).is_held;
@@ -214,12 +208,7 @@ impl<'a> Bench<'a> {
             if bears(friction) {
                 continue;
             }
-            let (mut low, mut high) = (friction, 1.0);
-            for _ in 0..FRICTION_HALVINGS {
-                let middle = 0.5 * (low + high);
-                *if bears(middle) { &mut high } else { &mut low } = middle;
-            }
-            friction = high;
+            friction = last_borne([1.0, friction], |[high, low]| 0.5 * (low + high), bears);
         }
         let friction_min = (tug_max_g >= 1.0).then_some(friction * self.friction);
         Margins { friction_min, tug_max_g }
@@ -284,6 +273,15 @@ impl<'a> Bench<'a> {
             stable_poses: self.stable.iter().map(given).collect(),
         }
     }
+}
+
+/// Between something that a grip bears and something that it does not, the last that it bears.
+fn last_borne(ends: [f32; 2], middle: fn([f32; 2]) -> f32, bears: impl Fn(f32) -> bool) -> f32 {
+    let halved = |[borne, other]: [f32; 2], _| {
+        let middle = middle([borne, other]);
+        if bears(middle) { [middle, other] } else { [borne, middle] }
+    };
+    (0..HALVINGS).fold(ends, halved)[0]
 }
 
 fn pair(motion: Motion) -> (f32, f32) {
