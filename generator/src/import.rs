@@ -10,7 +10,6 @@ mod source;
 mod summary;
 mod units;
 
-pub use drops::TestDrops;
 pub use source::{Source, sources};
 pub use summary::ImportedObject;
 
@@ -24,6 +23,7 @@ use schema::{HullError, MODELS_MAX, MassIntegrals};
 use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
+use self::drops::rested;
 use self::summary::{catalogue_text, warnings};
 use self::units::{Own, guessed_scale_m, own_values};
 use crate::catalogue::{Catalogue, MASS_KG};
@@ -102,6 +102,8 @@ pub struct Imported {
     pub scale_m: f64,
     /// Whether nobody gave that scale.
     pub is_scale_guessed: bool,
+    /// Test drops of each object.
+    pub drops: u32,
     /// The catalogue's text, which [`Catalogue::parse`] reads.
     #[serde(skip)]
     pub catalogue: String,
@@ -175,7 +177,7 @@ pub fn import_objects(
         return Err(Failure::new(code, format!("none of the files can be used:\n  {}", reasons.join("\n  "))));
     }
     let is_scale_guessed = params.scale.is_none();
-    Ok(Imported { objects, left_out, scale_m, is_scale_guessed, catalogue })
+    Ok(Imported { objects, left_out, scale_m, is_scale_guessed, drops: params.drops, catalogue })
 }
 
 const HEAD: &str = "\
@@ -269,21 +271,19 @@ impl Import<'_> {
         let read = Catalogue::parse(&text, Path::new("the new catalogue")).map_err(|error| damaged(&error))?;
         let models = Models::of(&read).map_err(|problems| damaged(&problems.join("; ")))?;
         let (body, thing) = (&models.bodies()[0], &models.stored()[0]);
-        object.test_drops = TestDrops::of(body, thing.mass_kg, thing.friction, config, params.drops);
-        object.warnings = warnings(&object, config, measured);
-        let (least, file) = (params.rests_min, file.display());
-        if let Some(drops) =
-            object.test_drops.filter(|drops| f64::from(drops.rested) < least * f64::from(drops.count()))
-        {
-            let (rested, count) = (drops.rested, drops.count());
-            return Err(unusable(format!(
-                "it must come to rest in a share of {least} of its test drops, got {rested} of {count}: {file}"
-            )));
+        let (least, drops) = (params.rests_min, params.drops);
+        object.rested = rested(body, thing.mass_kg, thing.friction, config, drops);
+        object.warnings = warnings(&object, config, measured, drops);
+        let file = file.display();
+        match object.rested {
+            Some(rested) if f64::from(rested) < least * f64::from(drops) => Err(unusable(format!(
+                "it must come to rest in a share of {least} of its test drops, got {rested} of {drops}: {file}"
+            ))),
+            None if drops > 0 && least > 0.0 => {
+                Err(unusable(format!("it does not fit into a scene to be dropped: {file}")))
+            }
+            _ => Ok((object, text)),
         }
-        if object.test_drops.is_none() && params.drops > 0 && least > 0.0 {
-            return Err(unusable(format!("it does not fit into a scene to be dropped: {file}")));
-        }
-        Ok((object, text))
     }
 
     fn described(
@@ -326,7 +326,7 @@ impl Import<'_> {
             filled_m: f64::from(parts.filled_m),
             parts_volume_share: measured.solid.map(share),
             smallest_width_m: smallest_width_m(&whole, &measured.corners_m),
-            test_drops: None,
+            rested: None,
             warnings: Vec::new(),
         })
     }

@@ -41,7 +41,7 @@ pub use containers::{ContainerParams, container_faults, draw_container, room_m};
 pub use dataset_info::{bodies_of, physics_of};
 pub use depth_images::depth_images;
 pub use import::{
-    FileState, ImportParams, Imported, ImportedObject, LeftOut, Source, TestDrops, import_objects, sources,
+    FileState, ImportParams, Imported, ImportedObject, LeftOut, Source, import_objects, sources,
 };
 pub use models::Models;
 pub use objects::{draw_drops, draw_release};

@@ -186,7 +186,7 @@ fn document(imported: &Imported, out: &Path) -> Document {
             object.part_corners_max.to_string(),
             or_none(object.parts_volume_share, &percent),
             format!("{:.1}", object.smallest_width_m * 1000.0),
-            object.test_drops.map_or("-".to_owned(), |drops| format!("{}/{}", drops.rested, drops.count())),
+            object.rested.map_or("-".to_owned(), |rested| format!("{rested}/{}", imported.drops)),
         ];
         let (name, triangles) = (Cell::from(object.name.as_str()), Cell::Count(object.triangles as u64));
         let closed = Cell::Number(if object.is_watertight { "yes" } else { "no" }.to_owned());

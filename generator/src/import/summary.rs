@@ -6,7 +6,6 @@ use schema::Polyhedron;
 use serde::Serialize;
 use simulator::ConvexParts;
 
-use super::drops::TestDrops;
 use crate::catalogue::object_text;
 use crate::config::Config;
 use crate::measured::Measured;
@@ -60,14 +59,14 @@ pub struct ImportedObject {
     pub parts_volume_share: Option<f64>,
     /// The smallest distance between two parallel planes that enclose the object, in metres.
     pub smallest_width_m: f64,
-    /// How its test drops ended, if it fits into a scene.
-    pub test_drops: Option<TestDrops>,
+    /// After how many of the test drops it came to rest in the workspace, if it fits into a scene.
+    pub rested: Option<u32>,
     /// Warnings as text.
     pub warnings: Vec<String>,
 }
 
 /// What is unusual about an object, one sentence each.
-pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Measured) -> Vec<String> {
+pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Measured, drops: u32) -> Vec<String> {
     let of_parts = "its mass, unless given, is that of its hull, its inertia that of its parts";
     let mut warnings = Vec::new();
     if !object.is_watertight {
@@ -117,12 +116,9 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
             1000.0 * off_m
         ));
     }
-    if let Some(drops) = object.test_drops.filter(|drops| drops.rested < drops.count()) {
-        let (rested, count, moved_on, left) = (drops.rested, drops.count(), drops.moved_on, drops.left);
-        warnings.push(format!(
-            "it came to rest in {rested} of {count} test drops: {moved_on} times it moved on, {left} times it left the workspace; \
-             --rests-min leaves such objects out"
-        ));
+    if let Some(rested) = object.rested.filter(|rested| *rested < drops) {
+        warnings
+            .push(format!("it came to rest in {rested} of {drops} test drops; --rests-min leaves such objects out"));
     }
     warnings
 }
