@@ -17,7 +17,7 @@ use settings::{Document, Reader, settings, words};
 use shards::DatasetInfo;
 use toml::Table;
 
-use crate::catalogue::{Catalogue, CatalogueObject, is_built_in};
+use crate::catalogue::{Catalogue, CatalogueObject, built_in};
 use crate::files::sha256;
 
 /// The experiment that explains the keys: one of the files that come along.
@@ -365,7 +365,7 @@ fn objects(keys: &Keys, scene: &generator::Config, plan: &planner::Config, folde
 
 /// An experiment's keys without the paths of files.
 fn without_paths(keys: &Table) -> Table {
-    let named = |word: &str| ["judge", "paper", "vgn", "built-in"].contains(&word) || is_built_in(word);
+    let named = |word: &str| ["judge", "paper", "vgn", "built-in"].contains(&word) || built_in(word).is_some();
     let is_file = |key: &str, value: &toml::Value| {
         ["plan", "scene", "model", "catalogue"].contains(&key) && value.as_str().is_some_and(|it| !named(it))
     };

@@ -20,12 +20,6 @@ const BUILT_IN: [(&str, &[u8]); 3] = [
 /// Of every file that zstd compressed.
 const ZSTD_START: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 
-/// Whether a catalogue of this name comes with the program.
-#[must_use]
-pub fn is_built_in(name: &str) -> bool {
-    BUILT_IN.iter().any(|(own, _)| *own == name)
-}
-
 /// The text of a built-in catalogue; `None` if there is none of that name.
 #[must_use]
 pub fn built_in(name: &str) -> Option<String> {

@@ -94,9 +94,7 @@ pub fn physics_of(config: &Value) -> Result<Physics, Failure> {
         let names = Engine::ALL.map(|engine| format!("{:?}", stored_name(engine))).join(" or ");
         return Err(unknown(format!("the engine must be {names}, got {}", physics["engine"])));
     };
-    if let Some(physics) = physics.as_object_mut() {
-        physics.insert("engine".to_owned(), json!(engine));
-    }
+    physics["engine"] = json!(engine);
     settings::read_stored(&physics, "config.physics").map_err(|faults| unknown(faults.join("; ")))
 }
 

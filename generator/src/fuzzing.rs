@@ -10,7 +10,7 @@ use shards::DatasetInfo;
 use crate::dataset_info::physics_of;
 use crate::measured::Measured;
 use crate::mesh::Mesh;
-use crate::mesh_file::{ENDINGS, reader_of};
+use crate::mesh_file::READERS;
 use crate::{Config, Overrides};
 
 /// The text of a config, a NUL, the text of a gripper's file.
@@ -46,8 +46,7 @@ pub fn config(data: &[u8]) -> Result<(), String> {
 /// If what is measured of it cannot be.
 pub fn object(data: &[u8]) -> Result<(), String> {
     let (kind, bytes) = data.split_first().ok_or("it is empty")?;
-    let (_, read) = reader_of(ENDINGS[usize::from(*kind) % ENDINGS.len()]).ok_or("no reader")?;
-    let (corners, triangles) = read(bytes)?;
+    let (corners, triangles) = READERS[usize::from(*kind) % READERS.len()](bytes)?;
     let measured = Measured::of(Mesh::new(&corners, &triangles, 1.0)?);
     assert!(measured.solid.is_none_or(|solid| solid.volume_m3 > 0.0), "what encloses nothing is no solid");
     Ok(())

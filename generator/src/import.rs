@@ -229,7 +229,7 @@ impl Import<'_> {
         let file = &source.file;
         let (mesh, mass_kg) = match &source.described {
             Some(described) => (described.mesh(file, scale_m)?, described.mass_kg),
-            None => (read_mesh(file, scale_m)?, None),
+            None => (read_mesh(file, file, scale_m)?, None),
         };
         let measured = Measured::of(mesh);
         let longest_m = measured.extents_m.max_element();

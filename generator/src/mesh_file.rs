@@ -4,7 +4,6 @@
 //! Polygons are split as fans. Colours, normals, textures and materials are ignored.
 
 use std::collections::BTreeSet;
-use std::io::BufReader;
 use std::panic::catch_unwind;
 use std::path::Path;
 
@@ -18,6 +17,8 @@ use crate::mesh::{CORNERS_MAX, Mesh, TRIANGLES_MAX};
 
 /// Supported file extensions, in lower case.
 pub(crate) const ENDINGS: [&str; 4] = ["obj", "stl", "ply", "glb"];
+/// Their readers.
+pub(crate) const READERS: [fn(&[u8]) -> Result<Parts, String>; 4] = [obj, stl, ply, glb];
 
 /// Maximum file size.
 pub(crate) const BYTES_MAX: u64 = 1 << 30;
@@ -35,7 +36,7 @@ pub(crate) fn damaged(message: &str, file: &Path) -> Failure {
 }
 
 /// Corners in the file's units, and triangles as corner indices.
-type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+pub(crate) type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 /// Adds corners and their triangles to others.
 ///
@@ -55,19 +56,12 @@ fn append(
     Ok(())
 }
 
-/// The reader of a kind of file.
-type Read = fn(&[u8]) -> Result<Parts, String>;
-
-/// Reads a mesh; one unit of the file is `scale_m` metres.
+/// Reads a mesh; one unit of the file is `scale_m` metres. If it was made of another file, `file` is that one, which
+/// errors name.
 ///
 /// # Errors
 /// If the file cannot be read or is no mesh.
-pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
-    read_mesh_of(path, path, scale_m)
-}
-
-/// The same of a mesh that was made of another file, which is the one that errors name.
-pub(crate) fn read_mesh_of(file: &Path, path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
+pub(crate) fn read_mesh(file: &Path, path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
     let shown = file.display();
     let unread = |source| unusable(format!("failed to read it: {source}: {shown}"));
     let bytes = program::read(path, BYTES_MAX).map_err(unread)?;
@@ -76,25 +70,15 @@ pub(crate) fn read_mesh_of(file: &Path, path: &Path, scale_m: f64) -> Result<Mes
         let how = "pip install graspmill[descriptions], then run the same command";
         return Err(unusable(format!("the program of the Python package reads descriptions: {how}: {shown}")));
     }
-    let Some((kind, read)) = reader_of(&ending) else {
+    let Some(kind) = ENDINGS.iter().position(|one| *one == ending) else {
         let endings = ENDINGS.join(", .");
         return Err(unusable(format!("its name must end with .{endings}: {shown}")));
     };
     // A library that panics at one file must not end the others.
-    let read = catch_unwind(|| read(&bytes)).unwrap_or_else(|_| Err("its reader failed".to_owned()));
+    let read = catch_unwind(|| READERS[kind](&bytes)).unwrap_or_else(|_| Err("its reader failed".to_owned()));
+    let kind = ending.to_ascii_uppercase();
     let (corners, triangles) = read.map_err(|message| damaged(&format!("not a whole {kind} file: {message}"), file))?;
     Mesh::new(&corners, &triangles, scale_m).map_err(|message| damaged(&message, file))
-}
-
-/// The name of a kind of file and its reader.
-pub(crate) fn reader_of(ending: &str) -> Option<(&'static str, Read)> {
-    Some(match ending {
-        "obj" => ("OBJ", obj),
-        "stl" => ("STL", stl),
-        "ply" => ("PLY", ply),
-        "glb" => ("GLB", glb),
-        _ => return None,
-    })
 }
 
 /// The extension of a file's name in lower case.
@@ -115,8 +99,7 @@ fn obj(bytes: &[u8]) -> Result<Parts, String> {
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, _) =
-        tobj::load_obj_buf(&mut BufReader::new(text.as_bytes()), &options, no_materials).map_err(|e| e.to_string())?;
+    let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, no_materials).map_err(|e| e.to_string())?;
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());
     for tobj::Model { mesh, .. } in models {
         let before = u32::try_from(corners.len()).map_err(|e| e.to_string())?;
@@ -357,7 +340,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(name);
         std::fs::write(&path, bytes).unwrap();
-        read_mesh(&path, 0.1).map_err(|e| e.to_string())
+        read_mesh(&path, &path, 0.1).map_err(|e| e.to_string())
     }
 
     fn assert_is_the_box(mesh: &Mesh) {
@@ -473,7 +456,7 @@ mod tests {
         assert!(of("a.ply", &ply_text(8).replace("3 0 2 3", "3 0 2 -3")).contains("face 0 names corner -3"));
         let far = ply_text(8).replace("3 0 2 3", "3 0 2 99");
         assert!(of("a.ply", &far).contains("triangle 0 names corner 99"), "{}", of("a.ply", &far));
-        let missing = read_mesh(Path::new("nowhere.obj"), 1.0).unwrap_err();
+        let missing = read_mesh(Path::new("nowhere.obj"), Path::new("nowhere.obj"), 1.0).unwrap_err();
         assert!(
             missing.to_string().contains("failed to read it") && missing.exit_code() == ExitCode::Config,
             "{missing}"

@@ -7,7 +7,7 @@ use program::{ExitCode, Failure};
 use serde::Deserialize;
 
 use crate::mesh::Mesh;
-use crate::mesh_file::{BYTES_MAX, ending, read_mesh_of, unusable};
+use crate::mesh_file::{BYTES_MAX, ending, read_mesh, unusable};
 
 /// What the package made of a description (`python/graspmill/formats/objects.py`).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -37,7 +37,7 @@ impl Described {
             Some((reason, is_damaged)) => {
                 Err(Failure::new(if *is_damaged { ExitCode::Data } else { ExitCode::Config }, reason.clone()))
             }
-            None => read_mesh_of(file, &self.mesh, scale_m),
+            None => read_mesh(file, &self.mesh, scale_m),
         }
     }
 }

@@ -18,7 +18,7 @@ const METRES_MAX: f64 = 0.5;
 /// The scale of files whose unit nobody named, in metres, by their longest sides. Files of one import have one unit.
 pub(super) fn guessed_scale_m(sources: &[&Source]) -> f64 {
     let longest = |source: &&Source| {
-        let mesh = read_mesh(&source.file, 1.0).ok().filter(|_| source.described.is_none())?;
+        let mesh = read_mesh(&source.file, &source.file, 1.0).ok().filter(|_| source.described.is_none())?;
         let [low, high] = mesh.bounds_m();
         Some((high - low).max_element())
     };
