@@ -93,7 +93,9 @@ impl Observed<'_> {
             Source::Normals => draw_along_normals(config, scene, objects, rays, views, count, stream),
             Source::Proposals => {
                 let sampler = CandidateSampler::new(gripper, config.procedure.pregrasp_distance_m);
-                let grasps = sampler.sample(tsdf, count * self.spares(), &mut own_stream(0));
+                // Among walls most hands close on those.
+                let spares = if scene.fixtures.is_empty() { 1 } else { SPARES };
+                let grasps = sampler.sample(tsdf, count * spares, &mut own_stream(0));
                 self.candidates(Approach::Proposal, count, grasps.iter().map(|grasp| grasp.workspace_from_grasp))
             }
             Source::Judged => {
@@ -104,11 +106,6 @@ impl Observed<'_> {
                 self.candidates(Approach::Judged, count, best.iter().map(|scored| scored.grasp.workspace_from_grasp))
             }
         }
-    }
-
-    /// How many times as many hands are proposed as are wanted: among walls most close on those.
-    fn spares(&self) -> usize {
-        if self.scene.fixtures.is_empty() { 1 } else { SPARES }
     }
 
     /// Up to `count` proposed grasps, each of the object that is nearest to where the fingers close. Of proposals some
