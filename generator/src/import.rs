@@ -118,19 +118,8 @@ pub struct LeftOut {
     pub reason: String,
 }
 
-/// What becomes of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FileState<'a> {
-    /// Work on it begins.
-    Begun,
-    /// It became an object.
-    Made,
-    /// It could not be used, for this reason.
-    LeftOut(&'a str),
-}
-
 /// Measures and decomposes meshes and makes a catalogue of them. Files are processed in parallel; the result does not
-/// depend on the number of threads. `on_file` is called when work on a file begins and when it ends.
+/// depend on the number of threads. `on_file` is called when work on a file ends, with the reason if it cannot be used.
 ///
 /// # Errors
 /// If no file can be used, with all reasons; if there are too many; if the table of single objects is wrong.
@@ -138,7 +127,7 @@ pub fn import_objects(
     sources: &[Source],
     params: &ImportParams,
     config: &Config,
-    on_file: &(dyn Fn(&Path, FileState<'_>) + Sync),
+    on_file: &(dyn Fn(&Path, Option<&str>) + Sync),
 ) -> Result<Imported, Failure> {
     if sources.len() > MODELS_MAX {
         let got = sources.len();
@@ -149,12 +138,11 @@ pub fn import_objects(
     let without_own: Vec<&Source> = sources.iter().filter(|source| own(source).scale.is_none()).collect();
     let scale_m = params.scale.unwrap_or_else(|| guessed_scale_m(&without_own));
     let made = |source: &Source| {
-        on_file(&source.file, FileState::Begun);
         let own = own(source);
         let scale_m = if source.described.is_some() { params.scale.unwrap_or(1.0) } else { scale_m };
         let made = Import { source, own, scale_m: own.scale.unwrap_or(scale_m), params, config }.object();
         let reason = made.as_ref().err().map(ToString::to_string);
-        on_file(&source.file, reason.as_deref().map_or(FileState::Made, FileState::LeftOut));
+        on_file(&source.file, reason.as_deref());
         made
     };
     let made: Vec<_> = sources.par_iter().with_max_len(1).map(made).collect();

@@ -40,9 +40,7 @@ pub use config::{Config, ObjectParams, Overrides, PackedParams, RuleClosing, Sam
 pub use containers::{ContainerParams, container_faults, draw_container, room_m};
 pub use dataset_info::{bodies_of, physics_of};
 pub use depth_images::depth_images;
-pub use import::{
-    FileState, ImportParams, Imported, ImportedObject, LeftOut, Source, import_objects, sources,
-};
+pub use import::{ImportParams, Imported, ImportedObject, LeftOut, Source, import_objects, sources};
 pub use models::Models;
 pub use objects::{draw_drops, draw_release};
 pub use packed::draw_packed;

@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, value_parser};
-use generator::{Config, FileState, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
+use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
 use indicatif::{ProgressBar, ProgressStyle};
 use program::text::percent;
 use program::{Context, ExitCode, Failure, json, print, print_error, write};
@@ -122,16 +122,13 @@ pub(super) fn file_bar(count: Option<usize>) -> ProgressBar {
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// Shows on such a bar what became of a file.
-pub(super) fn tell(bar: &ProgressBar, file: &Path, state: FileState<'_>) {
-    match state {
-        FileState::Begun => bar.set_message(file.display().to_string()),
-        FileState::Made => bar.inc(1),
-        FileState::LeftOut(reason) => {
-            bar.suspend(|| print_error(&format!("left out: {reason}")));
-            bar.inc(1);
-        }
+/// Shows on such a bar that a file is done, and why it is left out if it is.
+pub(super) fn tell(bar: &ProgressBar, file: &Path, reason: Option<&str>) {
+    if let Some(reason) = reason {
+        bar.suspend(|| print_error(&format!("left out: {reason}")));
     }
+    bar.set_message(file.display().to_string());
+    bar.inc(1);
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
@@ -140,7 +137,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let sources = sources(&arguments.meshes, arguments.options.described.as_deref())?;
     let bar = file_bar(Some(sources.len()));
     let params = arguments.options.params(arguments.drops, arguments.rests_min);
-    let imported = import_objects(&sources, &params, &config, &|file, state| tell(&bar, file, state));
+    let imported = import_objects(&sources, &params, &config, &|file, reason| tell(&bar, file, reason));
     bar.finish_and_clear();
     let imported = imported?;
     write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;

@@ -8,7 +8,7 @@ use schema::Vec3;
 
 use super::params::Annotated;
 use crate::catalogue::Catalogue;
-use crate::import::{FileState, ImportParams, LeftOut, import_objects, sources};
+use crate::import::{ImportParams, LeftOut, import_objects, sources};
 use crate::{Config, Overrides};
 
 impl Annotated {
@@ -21,7 +21,7 @@ impl Annotated {
     pub fn read(
         paths: &[PathBuf],
         params: &ImportParams,
-        on_file: &(dyn Fn(&Path, FileState<'_>) + Sync),
+        on_file: &(dyn Fn(&Path, Option<&str>) + Sync),
     ) -> Result<(Vec<Self>, Vec<LeftOut>), Failure> {
         let is_catalogue = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "toml");
         let (catalogues, meshes): (Vec<&PathBuf>, Vec<&PathBuf>) = paths.iter().partition(is_catalogue);
