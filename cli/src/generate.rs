@@ -142,16 +142,12 @@ impl Progress {
 
     fn show(&self, event: Event) {
         match event {
-            Event::Skipped { shard, attempts } => {
-                tracing::info!(shard, "skipped: an earlier run committed it");
-                self.bar.dec_length(attempts);
-            }
+            Event::Skipped { attempts } => self.bar.dec_length(attempts),
             Event::Scene { attempts, positives } => {
                 self.bar.inc(attempts);
                 let held = self.held.fetch_add(positives, Ordering::Relaxed) + positives;
                 self.bar.set_message(format!("{:.1} % positive", 100.0 * held as f64 / self.bar.position() as f64));
             }
-            Event::Committed { shard } => tracing::info!(shard, "committed"),
         }
     }
 }

@@ -32,8 +32,6 @@ const ASKED_ONE_BY_ONE_MAX: usize = 32;
 pub enum Event {
     /// A shard was committed by an earlier run.
     Skipped {
-        /// The shard.
-        shard: u32,
         /// Its attempts.
         attempts: u64,
     },
@@ -43,11 +41,6 @@ pub enum Event {
         attempts: u64,
         /// Its positives.
         positives: u64,
-    },
-    /// A shard has been committed.
-    Committed {
-        /// The shard.
-        shard: u32,
     },
 }
 
@@ -138,7 +131,8 @@ pub fn generate(
         draft.flush()?; // the process that made the others may have been killed before its flush
     }
     for shard in wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_err()) {
-        on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
+        tracing::info!(shard, "skipped: an earlier run committed it");
+        on_event(Event::Skipped { attempts: attempts_of(&info, shard) });
     }
     let mut rejected = Rejected::default();
     let run = Run { config, draft: &draft, rejected_max, stop, on_event };
@@ -268,7 +262,7 @@ impl Run<'_> {
                 open = Some((missing - 1, writer));
             } else {
                 made.add(&writer.commit()?.counts);
-                (self.on_event)(Event::Committed { shard });
+                tracing::info!(shard, "committed");
             }
         }
         Ok(made)

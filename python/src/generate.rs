@@ -23,9 +23,8 @@ struct Counts {
 impl Counts {
     fn add(&self, event: &Event) {
         let (more, positive) = match *event {
-            Event::Skipped { attempts, .. } => (attempts, 0),
+            Event::Skipped { attempts } => (attempts, 0),
             Event::Scene { attempts, positives } => (attempts, positives),
-            Event::Committed { .. } => (0, 0),
         };
         self.done.fetch_add(more, Ordering::Relaxed);
         self.held.fetch_add(positive, Ordering::Relaxed);
