@@ -262,14 +262,12 @@ impl Config {
                 }
             }
         }
-        let config = match document.read::<Self>() {
-            Ok(config) if without_effect.is_empty() => config,
-            Ok(_) => return Err(document.invalid(without_effect)),
-            Err(settings::Error::Invalid { faults, .. }) => {
-                return Err(document.invalid([faults, without_effect].concat()));
-            }
-            Err(error) => return Err(error),
-        };
+        let read = document.read::<Self>();
+        if !without_effect.is_empty() {
+            let faults = if let Err(settings::Error::Invalid { faults, .. }) = read { faults } else { Vec::new() };
+            return Err(document.invalid([faults, without_effect].concat()));
+        }
+        let config = read?;
         Ok(Self { seed: overrides.seed.unwrap_or(config.seed), ..config })
     }
 

@@ -31,17 +31,19 @@ pub(crate) struct Measured {
 }
 
 impl Measured {
-    pub(crate) fn of(mesh: Mesh) -> Self {
+    pub(crate) fn of(mut mesh: Mesh) -> Self {
         let seams = mesh.seams;
         let [low, high] = mesh.bounds_m();
         let middle_m = 0.5 * (low + high);
         let integrals = MassIntegrals::of(mesh.triangles_about(middle_m));
         let was_inside_out = seams.is_watertight() && integrals.volume_m3 < 0.0;
-        let mesh = if was_inside_out { mesh.turned_inside_out() } else { mesh };
+        if was_inside_out {
+            mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
         let solid = seams.is_watertight().then(|| MassIntegrals::of(mesh.triangles_about(middle_m)));
         let [confused_share, enclosed_m3] = if seams.is_watertight() { enclosed(&mesh) } else { [0.0; 2] };
         let confused_share = Some(confused_share).filter(|share| *share > CONFUSED_SHARE);
-        let corners_m = mesh.corners_about(middle_m);
+        let corners_m: Vec<Vec3> = mesh.corners_m.iter().map(|corner_m| (*corner_m - middle_m).as_vec3()).collect();
         Self {
             seams,
             confused_share,

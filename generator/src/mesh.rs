@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glamx::DVec3;
-use schema::Vec3;
 
 /// Triangles in space, in metres. Corners at exactly the same position are merged; if the mesh is open then, also those
 /// within [`WELD_SHARE`] of its size, because CAD programs write the corners of neighbours one rounding step apart.
@@ -165,17 +164,6 @@ impl Mesh {
     /// Every triangle's corners about a point, in metres.
     pub(crate) fn triangles_about(&self, origin_m: DVec3) -> impl Iterator<Item = [DVec3; 3]> {
         self.triangles.iter().map(move |triangle| triangle.map(|i| self.corners_m[i as usize] - origin_m))
-    }
-
-    /// The corners about a point in single precision, in metres.
-    pub(crate) fn corners_about(&self, origin_m: DVec3) -> Vec<Vec3> {
-        self.corners_m.iter().map(|corner_m| (*corner_m - origin_m).as_vec3()).collect()
-    }
-
-    /// The same surface with reversed orientation.
-    pub(crate) fn turned_inside_out(mut self) -> Self {
-        self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
-        self
     }
 }
 

@@ -38,24 +38,6 @@ pub(crate) fn damaged(message: &str, file: &Path) -> Failure {
 /// Corners in the file's units, and triangles as corner indices.
 pub(crate) type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
-/// Adds corners and their triangles to others.
-///
-/// # Errors
-/// If there are too many corners or triangles then: a file may name one mesh again and again.
-fn append(
-    (all, all_triangles): &mut Parts,
-    corners: impl ExactSizeIterator<Item = [f64; 3]>,
-    triangles: impl ExactSizeIterator<Item = [u32; 3]>,
-) -> Result<(), String> {
-    if all.len() + corners.len() > CORNERS_MAX || all_triangles.len() + triangles.len() > TRIANGLES_MAX {
-        return Err(format!("it must have at most {TRIANGLES_MAX} triangles and {CORNERS_MAX} corners"));
-    }
-    let first = all.len() as u32;
-    all.extend(corners);
-    all_triangles.extend(triangles.map(|triangle| triangle.map(|corner| first.saturating_add(corner))));
-    Ok(())
-}
-
 /// Reads a mesh; one unit of the file is `scale_m` metres. If it was made of another file, `file` is that one, which
 /// errors name.
 ///
@@ -261,7 +243,7 @@ fn glb(bytes: &[u8]) -> Result<Parts, String> {
     let blob = blob.unwrap_or_default();
     let scene = document.default_scene().or_else(|| document.scenes().next()).ok_or("it must have a scene")?;
     let mut open: Vec<(gltf::Node<'_>, DMat4, usize)> = scene.nodes().map(|node| (node, DMat4::IDENTITY, 0)).collect();
-    let (mut seen, mut parts) = (BTreeSet::new(), Parts::default());
+    let (mut seen, (mut all, mut all_triangles)) = (BTreeSet::new(), Parts::default());
     while let Some((node, scene_from_parent, depth)) = open.pop() {
         if depth > NODES_DEEP || !seen.insert(node.index()) {
             return Err(format!("its nodes must be a tree of at most {NODES_DEEP} levels"));
@@ -274,10 +256,16 @@ fn glb(bytes: &[u8]) -> Result<Parts, String> {
             let is_mirrored = scene_from_node.determinant() < 0.0;
             let turned = |[a, b, c]: [u32; 3]| if is_mirrored { [a, c, b] } else { [a, b, c] };
             let placed = |corner: [f64; 3]| scene_from_node.transform_point3(DVec3::from_array(corner)).to_array();
-            append(&mut parts, corners.into_iter().map(placed), triangles.into_iter().map(turned))?;
+            // A file may name one mesh again and again.
+            if all.len() + corners.len() > CORNERS_MAX || all_triangles.len() + triangles.len() > TRIANGLES_MAX {
+                return Err(format!("it must have at most {TRIANGLES_MAX} triangles and {CORNERS_MAX} corners"));
+            }
+            let first = all.len() as u32;
+            all.extend(corners.into_iter().map(placed));
+            all_triangles.extend(triangles.into_iter().map(|t| turned(t.map(|corner| first.saturating_add(corner)))));
         }
     }
-    Ok(parts)
+    Ok((all, all_triangles))
 }
 
 /// The bytes of each value of an accessor.

@@ -83,7 +83,11 @@ pub(crate) fn draw_along_normals(
         let shape = objects[touch.object_id].shape.shape();
         candidates.extend((0..YAWS).map(|yaw| {
             let turn_rad = core::f32::consts::PI * yaw as f32 / YAWS as f32;
-            let (rule, grasp) = (Rule { shape, approach: Approach::Normal }, grasp_at(&touch, turn_rad, depth_m));
+            let rule = Rule { shape, approach: Approach::Normal };
+            // Along the inward normal, its tips `depth_m` behind the surface, turned from the orientation in which its x
+            // is in the plane of the workspace's x (VGN: `sample_grasp_point`, `evaluate_grasp_point`).
+            let rotation = along_normal(touch.normal, turn_rad);
+            let grasp = pose_from_parts(rotation, touch.point_m - touch.normal * depth_m);
             Candidate { turn_rad, depth_m, ..Candidate::undrawn(rule, touch.object_id, grasp) }
         }));
     }
@@ -195,12 +199,6 @@ fn within_part(part: &Polyhedron, at_m: Vec3, direction: Vec3) -> Option<Within>
         }
     }
     face.filter(|_| enter < exit).map(|normal| Within { enter_m: enter, exit_m: exit, normal, exit_normal })
-}
-
-/// The grasp along the inward normal, its tips `depth_m` behind the surface, turned by `yaw_rad` from the orientation
-/// in which its x is in the plane of the workspace's x (VGN: `sample_grasp_point`, `evaluate_grasp_point`).
-fn grasp_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
-    pose_from_parts(along_normal(touch.normal, yaw_rad), touch.point_m - touch.normal * depth_m)
 }
 
 #[cfg(test)]
