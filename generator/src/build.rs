@@ -35,11 +35,8 @@ pub enum NoScene {
         rejections: SceneRejections,
     },
     /// Cancelled by the caller.
-    #[error("scene {scene_id} was abandoned")]
-    Abandoned {
-        /// The scene.
-        scene_id: u64,
-    },
+    #[error("the scene was abandoned")]
+    Abandoned,
 }
 
 /// A part of the work on a scene.
@@ -80,7 +77,7 @@ pub fn make_scene_watched(
 ) -> Result<SceneRows, NoScene> {
     let mut ended = |stage: Stage| match on_stage(stage) {
         ControlFlow::Continue(()) => Ok(()),
-        ControlFlow::Break(()) => Err(NoScene::Abandoned { scene_id }),
+        ControlFlow::Break(()) => Err(NoScene::Abandoned),
     };
     let container = draw_container(&config.container, config.seed, scene_id);
     let (settled, dropped_count, rejections) =

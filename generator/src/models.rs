@@ -74,15 +74,13 @@ impl Models {
 
     /// The shape in a row for a body that is a primitive or one of these models.
     pub(crate) fn shape_of(&self, body: &Body) -> ObjectShape {
-        let number = self.stored.iter().position(|model| model.name == body.name());
-        match (body.as_solid(), number) {
-            (Some(solid), _) => solid.into(),
-            (None, number) => {
-                let number = number.expect("a body that was let fall is a primitive or of the catalogue");
-                let model = self.stored[number].clone();
-                ObjectShape::Model { number: u16::try_from(number).expect("an info's models are few"), model }
-            }
+        if let Some(solid) = body.as_solid() {
+            return solid.into();
         }
+        let number = self.stored.iter().position(|model| model.name == body.name());
+        let number = number.expect("a body that was let fall is a primitive or of the catalogue");
+        let model = self.stored[number].clone();
+        ObjectShape::Model { number: u16::try_from(number).expect("an info's models are few"), model }
     }
 }
 

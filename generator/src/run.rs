@@ -104,7 +104,7 @@ impl Exit for NoScene {
     fn exit_code(&self) -> ExitCode {
         match self {
             Self::Rejected { .. } => ExitCode::Config,
-            Self::Abandoned { .. } => ExitCode::TryAgain,
+            Self::Abandoned => ExitCode::TryAgain,
         }
     }
 }
@@ -239,7 +239,7 @@ impl Run<'_> {
             if self.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         let rows = match made {
-            Err(NoScene::Abandoned { .. }) => return Ok(None),
+            Err(NoScene::Abandoned) => return Ok(None),
             made => made?,
         };
         let positives = rows.attempts.iter().map(|a| u64::from(a.label())).sum();

@@ -15,16 +15,11 @@ use crate::{Approach, AttemptRecord};
 /// `attempts` are in the order of the table.
 #[must_use]
 pub fn samples_of(attempts: &[AttemptRecord]) -> Vec<AttemptRecord> {
-    let about_a_point = attempts.chunk_by(|a, b| is_along_normal(a) && share_point(a, b));
-    about_a_point.map(|about| about[widest_run(about).unwrap_or(0)].clone()).collect()
-}
-
-fn is_along_normal(attempt: &AttemptRecord) -> bool {
-    attempt.rule.approach == Approach::Normal
-}
-
-fn share_point(a: &AttemptRecord, b: &AttemptRecord) -> bool {
-    (a.scene_id, a.rule, a.workspace_from_grasp.translation) == (b.scene_id, b.rule, b.workspace_from_grasp.translation)
+    let share_point = |a: &AttemptRecord, b: &AttemptRecord| {
+        let point = |of: &AttemptRecord| (of.scene_id, of.rule, of.workspace_from_grasp.translation);
+        a.rule.approach == Approach::Normal && point(a) == point(b)
+    };
+    attempts.chunk_by(share_point).map(|about| about[widest_run(about).unwrap_or(0)].clone()).collect()
 }
 
 /// The middle of the longest run of yaws that held; the first of equal runs, and the earlier middle of an even run.
