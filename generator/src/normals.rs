@@ -84,7 +84,7 @@ pub(crate) fn draw_along_normals(
         candidates.extend((0..YAWS).map(|yaw| {
             let turn_rad = core::f32::consts::PI * yaw as f32 / YAWS as f32;
             let rule = Rule { shape, approach: Approach::Normal };
-            // Along the inward normal, its tips `depth_m` behind the surface, turned from the orientation in which its x
+            // Along the inward normal, its tips so deep behind the surface, turned from the orientation in which its x
             // is in the plane of the workspace's x (VGN: `sample_grasp_point`, `evaluate_grasp_point`).
             let rotation = along_normal(touch.normal, turn_rad);
             let grasp = pose_from_parts(rotation, touch.point_m - touch.normal * depth_m);
