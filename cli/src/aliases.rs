@@ -10,7 +10,7 @@ pub(crate) fn expanded(mut words: Vec<OsString>) -> Vec<OsString> {
         (Some("generator"), Some("finalize" | "gc" | "missing" | "repeat" | "replay")) => Some("dataset"),
         // `--version` is everywhere that of the program.
         (Some("generator"), first) if !matches!(first, Some("--version" | "-V")) => Some("generate"),
-        (Some("trainer"), Some("export" | "import")) => Some("weights"),
+        (Some("trainer"), Some("export")) => Some("weights"),
         _ => None,
     };
     words.splice(..words.len().min(1), ["graspmill"].into_iter().chain(above).map(OsString::from));
@@ -30,7 +30,7 @@ mod tests {
             ("generator.exe gc data", "graspmill dataset gc data"),
             ("generator --version", "graspmill --version"),
             ("trainer fit --data shards", "graspmill fit --data shards"),
-            ("trainer import a.safetensors", "graspmill weights import a.safetensors"),
+            ("trainer export a.safetensors", "graspmill weights export a.safetensors"),
             ("trainer --help", "graspmill --help"),
             ("graspmill", "graspmill"),
         ] {

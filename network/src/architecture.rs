@@ -1,7 +1,5 @@
 //! The two networks: what a checkpoint can hold.
 
-use core::fmt::{self, Display, Formatter};
-
 use program::{ExitCode, Failure};
 use schema::{Grid, Pose, Quat, Vec3};
 use settings::words;
@@ -47,7 +45,7 @@ pub struct GraspOrigin {
     /// length midway between the fingers' roots.
     pub behind_tips_m: f32,
     /// Place of the origin in its voxel along each axis: 0.5, the centre, where positions are rounded down to a voxel,
-    /// as here; 0, the lower corner, where they are rounded to the nearest, as in VGN's code.
+    /// as here; 0, the lower corner, where they are rounded to the nearest, as in VGN's code (`np.round`).
     pub voxel_offset: f32,
 }
 
@@ -57,8 +55,6 @@ pub const BEHIND_TIPS_M_MAX: f32 = 0.3;
 impl GraspOrigin {
     /// Midway between the tips: networks from before the origin was a choice.
     pub const TIPS: Self = Self::behind_tips(0.0);
-    /// VGN's: between the roots of a Panda's fingers (its `Gripper` in `grasp.py`, `np.round` in its dataset).
-    pub const VGN: Self = Self { behind_tips_m: 0.05, voxel_offset: 0.0 };
 
     /// So far behind the tips, in the middle of its voxel.
     #[must_use]
@@ -105,18 +101,6 @@ impl VoxelParams {
     }
 }
 
-impl Display for VoxelParams {
-    fn fmt(&self, to: &mut Formatter<'_>) -> fmt::Result {
-        let Self { head, upsampling, origin: GraspOrigin { behind_tips_m, voxel_offset } } = self;
-        let behind_mm = 1e3 * behind_tips_m;
-        let (head, name) = (head.name(), upsampling.name());
-        write!(
-            to,
-            "head        {head}\nupsampling  {name}\norigin      {behind_mm} mm behind the tips, at {voxel_offset} of its voxel"
-        )
-    }
-}
-
 /// A network's kind, and what belongs to it besides its parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Architecture {
@@ -124,15 +108,6 @@ pub enum Architecture {
     Voxel(VoxelParams),
     /// The judge, which answers for a hand; what it was trained for.
     Judge(Box<Scope>),
-}
-
-impl Display for Architecture {
-    fn fmt(&self, to: &mut Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Voxel(params) => params.fmt(to),
-            Self::Judge(scope) => write!(to, "judge of    {}", scope.hand_in_words()),
-        }
-    }
 }
 
 impl Architecture {
@@ -237,7 +212,7 @@ mod tests {
         let voxel = |origin: GraspOrigin| origin.voxel_of(&down, &Grid::PAPER);
         assert_eq!(voxel(GraspOrigin::TIPS), Some([13, 13, 8]));
         assert_eq!(voxel(GraspOrigin::behind_tips(0.05)), Some([13, 13, 14]));
-        assert_eq!(voxel(GraspOrigin::VGN), Some([14, 13, 15]));
+        assert_eq!(voxel(GraspOrigin { behind_tips_m: 0.05, voxel_offset: 0.0 }), Some([14, 13, 15]));
         assert_eq!(voxel(GraspOrigin::behind_tips(0.25)), None);
     }
 }

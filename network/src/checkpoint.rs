@@ -104,19 +104,14 @@ fn broken(source: SafeTensorError, path: &Path) -> Failure {
 }
 
 /// A file that is truncated, no safetensors file, not of this crate, or of an unknown version.
-pub(crate) fn damaged(problem: impl Display, path: &Path) -> Failure {
+fn damaged(problem: impl Display, path: &Path) -> Failure {
     Failure::new(ExitCode::Data, format!("{problem}: {}", path.display()))
 }
 
 /// A file whose tensors belong to another network, with the first differences.
-pub(crate) fn of_another_network(problems: &[String], path: &Path) -> Failure {
+fn of_another_network(problems: &[String], path: &Path) -> Failure {
     let (problems, path) = (problems.join("; "), path.display());
     Failure::new(ExitCode::Config, format!("a checkpoint of another architecture: {problems}: {path}"))
-}
-
-/// Whether bytes are a safetensors file with a checkpoint's header of any content.
-pub(crate) fn has_header(file: &[u8]) -> bool {
-    SafeTensors::read_metadata(file).is_ok_and(|(_, metadata)| header::is_in(metadata.metadata().as_ref()))
 }
 
 /// Reads a checkpoint.
@@ -202,6 +197,7 @@ fn bytes(vector: &[f32]) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
     use schema::{Grid, Gripper};
 
     use super::*;
@@ -291,5 +287,41 @@ mod tests {
         assert_eq!(back, judge);
         let message = back.dense().unwrap_err().to_string();
         assert!(message.contains("the weights are those of a judge, which answers for hands"), "{message}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        /// Whatever the bytes say, the answer is a checkpoint or an error.
+        #[test]
+        fn damaged_files_are_refused_or_read_but_never_panic(
+            changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), any::<bool>()), 1..6),
+            keep in prop::option::of(any::<prop::sample::Index>()),
+            header in prop::option::of("[{}\\[\\]:,\"a-z0-9_.]{0,60}"),
+        ) {
+            let mut bytes = encode(&Checkpoint {
+                vector: initial_vector(1),
+                architecture: Architecture::Voxel(VoxelParams::at_tips(Upsampling::Linear)),
+                config: String::new(),
+                dataset_id: String::new(),
+                progress: Progress::default(),
+                moments: None,
+            }).unwrap();
+            let header_len = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+            for (at, value, in_header) in changes {
+                let at = at.index(if in_header { header_len } else { bytes.len() });
+                bytes[at] = value;
+            }
+            if let Some(header) = header {
+                bytes.splice(..header_len, (header.len() as u64).to_le_bytes().into_iter().chain(header.into_bytes()));
+            }
+            if let Some(keep) = keep {
+                bytes.truncate(keep.index(bytes.len()));
+            }
+            if let Err(failure) = from_bytes(&bytes, Path::new("x")) {
+                let code = failure.exit_code();
+                prop_assert!(matches!(code, ExitCode::Config | ExitCode::Data), "{code:?}");
+            }
+        }
     }
 }

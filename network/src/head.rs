@@ -16,15 +16,12 @@
 use core::f32::consts::{FRAC_PI_2, PI};
 
 use schema::{Quat, Vec3};
-use serde::Deserialize;
 use settings::words;
 
 use crate::layers::{LAYERS, LayerShape, NORM_SQUARED_MIN, layer};
 
 words! {
     /// What the network answers at a voxel.
-    #[derive(Deserialize)]
-    #[serde(rename_all = "lowercase")]
     pub enum Head {
         /// The paper's: a quality, one orientation as a quaternion, a width.
         Quaternion = "quaternion",

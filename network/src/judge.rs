@@ -99,8 +99,7 @@ impl Scope {
     }
 
     /// The hand or the number of different hands in words.
-    #[must_use]
-    pub fn hand_in_words(&self) -> String {
+    fn hand_in_words(&self) -> String {
         match &self.hands {
             None => format!("the hand {}", self.gripper.name),
             Some(spans) => format!("hands that open {} m", shown(spans[0])),

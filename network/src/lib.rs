@@ -9,8 +9,7 @@
 //!   computes the gradient of every parameter, for training; [`receptive_field`] determines the part of the decoder
 //!   that a voxel needs.
 //! - [`judge`] is the judge: what it sees of a hand, its layers, its answers and their gradient.
-//! - [`checkpoint`] is the file format of a network and its training state; [`interchange`] reads and writes weights of
-//!   other programs.
+//! - [`checkpoint`] is the file format of a network and its training state, which PyTorch reads, too.
 //!
 //! Parameters are a flat `[f32]` everywhere. The crate `trainer` has the same network in plain form with Burn. Its
 //! tests compare both implementations with each other and with PyTorch.
@@ -19,7 +18,6 @@ mod architecture;
 pub mod checkpoint;
 mod dense;
 pub mod head;
-pub mod interchange;
 pub mod judge;
 mod kernels;
 pub mod layers;

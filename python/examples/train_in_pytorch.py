@@ -29,4 +29,4 @@ for epoch in range(epochs):
         right = [(net.at(batch)[0] > 0.5) == (batch["label"] == 1) for batch in test]
     print(f"epoch {epoch + 1}: accuracy on unseen scenes {torch.cat(right).float().mean():.3f}")
 
-net.save("paper.safetensors")  # graspmill weights import paper.safetensors --upsampling linear --out ours.safetensors
+net.save("paper.safetensors")  # graspmill evaluate --model paper.safetensors --data ANOTHER --split all

@@ -118,13 +118,15 @@ def _experiment(words: list[str]) -> int:
 def _export_onnx(words: list[str]) -> int:
     from .formats.weights import onnx
 
-    parser = argparse.ArgumentParser("graspmill weights export", allow_abbrev=False)
-    parser.add_argument("checkpoint")
-    parser.add_argument("--format", required=True, choices=["onnx"])
-    parser.add_argument("--out", required=True)
-    parser.add_argument("--force", action="store_true")
+    what = "Write a network of voxels, or a judge, for ONNX runtimes; its description in the file says what goes in and comes out."
+    parser = argparse.ArgumentParser("graspmill weights export", description=what, allow_abbrev=False)
+    parser.add_argument("checkpoint", metavar="CHECKPOINT", help="such as RUN/best.safetensors")
+    parser.add_argument("--format", required=True, choices=["onnx"], help="what to write")
+    parser.add_argument("--out", required=True, help="the file to write")
+    parser.add_argument("--force", action="store_true", help="replace an existing file")
     given = parser.parse_args(words[2:])
-    print(f"{onnx.write(given.checkpoint, given.out, given.force)}\nwritten     {given.out}")
+    onnx.write(given.checkpoint, given.out, given.force)
+    print(f"written     {given.out}")
     return 0
 
 
@@ -193,7 +195,7 @@ def _neutral(file: str, gripper: str, folder: str) -> tuple[str, str | None]:
 COMMANDS: list[tuple[tuple[str, ...], set[str] | None, Callable[[list[str]], int]]] = [
     (("dataset export",), None, _export),
     (("experiment run",), {"--planner"}, _experiment),
-    (("weights export", "trainer export"), {"onnx", "--format=onnx"}, _export_onnx),
+    (("weights export", "trainer export"), None, _export_onnx),
     (("objects annotate",), {"--format", "--relabel"}, _annotate),
     (("objects import", "objects annotate"), set(), run_native),
     (("plan",), {"--cloud", "--object", "--intrinsics"}, captures.run_native),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-from pathlib import Path
 from typing import Any, Mapping, cast
 
 import torch
@@ -14,18 +13,13 @@ from torch import Tensor, nn
 
 from . import _arrays, _native
 from ._batches import GraspCropBatch, conv
+from ._checkpoint import HEADER, RECIPE, UNKNOWN, save_checkpoint
 from .crops import FEATURES
 from .dataset import Dataset
 from .errors import DataError, InputError
-from .formats._files import write
 from .scene import OUTCOMES
 
-#: Key and content of the header in a checkpoint (``network/src/checkpoint/header.rs``).
-_HEADER, _FORMAT_VERSION, _ARCHITECTURE = "graspmill", 1, "hand-judge-1"
-#: Id of a dataset that nobody stated.
-_UNKNOWN = "unknown (imported weights)"
-_CONFUSION = dict.fromkeys(("true_positive", "false_positive", "true_negative", "false_negative"), 0)
-_NO_PROGRESS = {"epoch": 0, "batch": 0, "step": 0, "confusion": _CONFUSION, "sums_bits": [0, 0, 0, 0], "best_accuracy_bits": None}
+_ARCHITECTURE = "hand-judge-1"
 #: Values before the head: 16 channels of 2 · 5 · 7 positions of the crop and of 3 · 2 · 2 of the context.
 _SEEN, _SEEN_CONTEXT = 16 * 70, 16 * 12
 
@@ -53,8 +47,8 @@ class Judge(nn.Module):
         self.trained_for: dict[str, Any] = _scope(trained_for.info if isinstance(trained_for, Dataset) else trained_for, is_dataset)
         if robustness is not None:
             self.trained_for["robustness"] = _arrays.flag("robustness", robustness)
-        self.dataset_id: str = trained_for.id if isinstance(trained_for, Dataset) else _UNKNOWN
-        self.config: str = "# Trained with PyTorch.\n"
+        self.dataset_id: str = trained_for.id if isinstance(trained_for, Dataset) else UNKNOWN
+        self.config: str = RECIPE
 
         self.conv1, self.conv2, self.conv3, self.reduce = conv(4, 16, 3, 2), conv(16, 32, 3, 2), conv(32, 32, 3), conv(32, 16, 1)
         self.wide1, self.wide2 = conv(3, 16, 3, 2), conv(16, 16, 3, 2)
@@ -99,9 +93,9 @@ class Judge(nn.Module):
         from safetensors import safe_open
 
         path = _arrays.path("path", path)
-        _native.checkpoint(path)  # refuses what is not whole
+        _native.check_checkpoint(path)  # refuses what is not whole
         with safe_open(path, "pt") as file:
-            header = json.loads(file.metadata()[_HEADER])
+            header = json.loads(file.metadata()[HEADER])
             if (kind := header["architecture"]) != _ARCHITECTURE:
                 raise InputError(f"architecture must be {_ARCHITECTURE!r}, a judge's, got {_arrays.shown(kind)}: {path}")
             tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith("adam.")}
@@ -116,18 +110,7 @@ class Judge(nn.Module):
         Raises:
             DataError: If a weight is not finite: its training diverged.
         """
-        from safetensors.torch import save
-
-        path = _arrays.path("path", path)
-        tensors = {name: tensor.detach().cpu().float().contiguous() for name, tensor in self.state_dict().items()}
-        for name, tensor in tensors.items():
-            if off := int((~tensor.isfinite()).sum()):
-                raise DataError(f"{name} must be finite, got {off} values that are not: the training diverged")
-        header = {"format_version": _FORMAT_VERSION, "architecture": _ARCHITECTURE, "trained_for": self.trained_for}
-        header |= {"dataset_id": self.dataset_id, "config": self.config, "progress": _NO_PROGRESS, "adam_steps": 0}
-        header |= {"made_by": "graspmill.torch"}
-        text = json.dumps(header, separators=(",", ":"), ensure_ascii=False)
-        write(Path(path), save(tensors, {_HEADER: text}))
+        save_checkpoint(self, path, _ARCHITECTURE, {"trained_for": self.trained_for}, self.dataset_id, self.config)
 
 
 def judge_loss(logits: Tensor, batch: GraspCropBatch) -> Tensor:

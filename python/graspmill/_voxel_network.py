@@ -13,6 +13,8 @@ from torch import Tensor, nn
 
 from . import _arrays
 from ._batches import Batch, conv
+from ._checkpoint import HEADER, save_checkpoint
+from .errors import InputError
 
 #: Closing directions that a network with ``head="closings"`` tells apart, over half a turn.
 TURNS = 15
@@ -28,7 +30,8 @@ class VoxelNetwork(nn.Module):
     """The paper's network, which is VGN's: it predicts a quality, an orientation and an opening for every voxel.
 
     With ``head="closings"`` it answers by closing direction (:meth:`heads`), of which :meth:`forward` gives the one at which most
-    grasps hold.
+    grasps hold. :meth:`load` reads every checkpoint of such a network; what :meth:`save` writes is one, for ``graspmill plan
+    --model`` and ``graspmill evaluate``.
 
     Args:
         upsampling: ``"linear"`` (trilinear, as in the shipped configs) or ``"nearest"``.
@@ -107,36 +110,41 @@ class VoxelNetwork(nn.Module):
         """The network with the weights, the upsampling and the origin of a file; or with another upsampling.
 
         Args:
-            path: A safetensors file of ``graspmill weights export --format safetensors`` or of :meth:`save`; or a state dict of
-                ``torch.save``, alone or under ``"state_dict"``, ``"model_state_dict"`` or ``"model"``, with VGN's nearest
-                upsampling, and its origin 50 mm behind the finger tips, in the lower corner of its voxel.
+            path: A checkpoint; or a state dict of VGN's network, as safetensors or of ``torch.save``, alone or under
+                ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so VGN's
+                are used: nearest upsampling, and the origin 50 mm behind the finger tips, in the lower corner of its
+                voxel.
+            upsampling: The upsampling, in place of the file's.
         """
-        stated: dict[str, Any] = {}
+        stated: dict[str, Any] = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
         with open(path, "rb") as file:
             first = file.read(9)
         if first[8:] != b"{":  # safetensors: the length of a JSON header, and the header
-            tensors = _state_dict(torch.load(os.fspath(path), map_location="cpu", weights_only=True))
-            stated = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
+            saved = torch.load(os.fspath(path), map_location="cpu", weights_only=True)
         else:
             from safetensors import safe_open
 
             with safe_open(os.fspath(path), "pt") as weights:
-                stated = weights.metadata() or {}
+                said = weights.metadata() or {}
                 # Our checkpoints state an origin only if it is not midway between the tips.
-                stated = {"origin_behind_tips_m": 0.0, **json.loads(stated["graspmill"])} if "graspmill" in stated else stated
-                tensors = {name: weights.get_tensor(name) for name in weights.keys() if not name.startswith("adam.")}
-        origin = {name: float(stated[name]) for name in ("origin_behind_tips_m", "voxel_offset") if name in stated}
+                midway = {"origin_behind_tips_m": 0.0, "voxel_offset": 0.5}
+                stated |= {**midway, **json.loads(said[HEADER])} if HEADER in said else said
+                saved = {name: weights.get_tensor(name) for name in weights.keys() if not name.startswith("adam.")}
+        tensors = _state_dict(saved)
+        origin = {name: float(stated[name]) for name in ("origin_behind_tips_m", "voxel_offset")}
         head: Literal["quaternion", "closings"] = "closings" if "conv_turn.weight" in tensors else "quaternion"
-        net = cls(upsampling or stated.get("upsampling", "linear"), head=head, **origin)
+        net = cls(upsampling or stated["upsampling"], head=head, **origin)
         net.load_state_dict(tensors, strict=True)
         return net
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the weights for ``graspmill weights import``."""
-        from safetensors.torch import save_file
+        """Writes a checkpoint.
 
-        stated = {name: str(getattr(self, name)) for name in ("upsampling", "origin_behind_tips_m", "voxel_offset")}
-        save_file({name: tensor.contiguous() for name, tensor in self.state_dict().items()}, os.fspath(path), stated)
+        Raises:
+            DataError: If a weight is not finite: its training diverged.
+        """
+        own = {name: getattr(self, name) for name in ("upsampling", "origin_behind_tips_m", "voxel_offset")}
+        save_checkpoint(self, path, "closings-conv-40" if self.head == "closings" else "vgn-conv-40", own)
 
 
 def _state_dict(saved: Any) -> dict[str, Tensor]:

@@ -38,7 +38,7 @@ mod _native {
     #[pymodule_export]
     use crate::plan::{Plan, Planner, Planning};
     #[pymodule_export]
-    use crate::programs::{checkpoint, publish, run_program};
+    use crate::programs::{check_checkpoint, publish, run_program};
     #[pymodule_export]
     use crate::scene::{Body, Scene, Simulation, execute, fuse};
     #[pymodule_export]

@@ -3,7 +3,6 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use program::Failure;
 use pyo3::prelude::*;
 
 use crate::detached::detached;
@@ -21,8 +20,8 @@ pub(crate) fn publish(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<()>
     Ok(detached(py, || program::publish(&path, text.as_bytes()))?)
 }
 
-/// The network of a checkpoint in words, if all of it is whole.
+/// Refuses what is no checkpoint that is whole.
 #[pyfunction]
-pub(crate) fn checkpoint(py: Python<'_>, path: PathBuf) -> PyResult<String> {
-    free(py, || Ok::<_, Failure>(network::checkpoint::read(&path)?.architecture.to_string()))
+pub(crate) fn check_checkpoint(py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    free(py, || network::checkpoint::read(&path).map(drop))
 }

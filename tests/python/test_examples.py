@@ -36,7 +36,7 @@ def test_training_in_pytorch(tmp_path):
     pytest.importorskip("torch")
     graspmill.generate(tmp_path / "ds", shards=1, attempts=600, seed=2)
     assert "accuracy on unseen scenes" in run(tmp_path, "train_in_pytorch.py", "ds")
-    words = ["weights", "import", "paper.safetensors", "--upsampling", "linear", "--out", "ours.safetensors"]
+    words = ["evaluate", "--model", "paper.safetensors", "--data", "ds", "--split", "all"]
     subprocess.run([sys.executable, "-m", "graspmill", *words], cwd=tmp_path, check=True, capture_output=True)
 
 

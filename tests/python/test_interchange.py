@@ -1,10 +1,11 @@
-"""Opens the output of `graspmill weights export` in onnxruntime, safetensors and, if installed, PyTorch.
+"""Opens checkpoints in onnxruntime (through `graspmill weights export`), safetensors and, if installed, PyTorch.
 
     python -m pytest tests/python/test_interchange.py
 
 Weights, grids and expected outputs come from lab/golden_torch.py, so PyTorch's values are known without PyTorch.
 """
 
+import json
 import subprocess
 import sys
 
@@ -17,7 +18,7 @@ from safetensors.numpy import load_file, save_file
 
 from golden_formula import LAYERS, noise  # noqa: E402
 
-pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+native = pytest.importorskip("graspmill._native", reason="the wheel is not installed: scripts/test.sh builds it")
 GOLDEN = ROOT / "trainer" / "tests" / "golden"
 MODES = ["linear", "nearest"]
 OUTPUTS = {"quality": 1, "rotation": 4, "width": 1}
@@ -39,8 +40,17 @@ def grids():
     return np.stack(values).astype(np.float32).reshape(3, 1, 40, 40, 40)
 
 
-def exchange(*args):
-    command = [sys.executable, "-m", "graspmill", "weights", *args]
+def checkpoint(path, upsampling, tensors):
+    confusion = dict.fromkeys(("true_positive", "false_positive", "true_negative", "false_negative"), 0)
+    progress = {"epoch": 0, "batch": 0, "step": 0, "confusion": confusion, "sums_bits": [0] * 4, "best_accuracy_bits": None}
+    header = {"format_version": 1, "architecture": "vgn-conv-40", "upsampling": upsampling, "dataset_id": "unknown", "config": ""}
+    header |= {"progress": progress, "adam_steps": 0, "made_by": "a test"}
+    save_file(tensors, path, {"graspmill": json.dumps(header)})
+    return path
+
+
+def export(*args):
+    command = [sys.executable, "-m", "graspmill", "weights", "export", *args]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{args}: {done.returncode}: {done.stderr}"
     return done.stdout
@@ -48,14 +58,11 @@ def exchange(*args):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Golden weights, imported and exported both ways in both modes."""
+    """Golden weights in both modes, as checkpoints and exported."""
     place = tmp_path_factory.mktemp("interchange")
     save_file(weights(), place / "weights.safetensors")
     for mode in MODES:
-        checkpoint = place / mode / "best.safetensors"
-        exchange("import", place / "weights.safetensors", "--upsampling", mode, "--out", checkpoint)
-        for format in ("safetensors", "onnx"):
-            exchange("export", checkpoint, "--format", format, "--out", place / f"{mode}.{format}")
+        export(checkpoint(place / f"{mode}.safetensors", mode, weights()), "--format", "onnx", "--out", place / f"{mode}.onnx")
     return place
 
 
@@ -94,37 +101,25 @@ def test_an_onnx_model_says_what_it_takes_and_where_it_comes_from(folder, mode):
 
 
 def test_an_export_is_the_same_again_and_replaces_a_file_only_if_it_shall(folder, tmp_path):
-    export = ("export", folder / "linear/best.safetensors", "--format=onnx", "--out", tmp_path / "deeper/net.onnx")
-    assert "upsampling  linear" in exchange(*export)
+    words = (folder / "linear.safetensors", "--format=onnx", "--out", tmp_path / "deeper/net.onnx")
+    assert "net.onnx" in export(*words)
     assert (tmp_path / "deeper/net.onnx").read_bytes() == (folder / "linear.onnx").read_bytes()
-    for words, code, message in (
-        (export, 78, "there is a file already"),
-        (("export", tmp_path / "none", *export[2:]), 78, "no checkpoint here"),
-        (("export", folder / "weights.safetensors", *export[2:]), 65, "not a checkpoint"),
+    for file, code, message in (
+        (words[0], 78, "there is a file already"),
+        (tmp_path / "none", 78, "no checkpoint here"),
+        (folder / "weights.safetensors", 65, "not a checkpoint"),
     ):
-        command = [sys.executable, "-m", "graspmill", "weights", *map(str, words)]
+        command = [sys.executable, "-m", "graspmill", "weights", "export", *map(str, (file, *words[1:]))]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == code and message in done.stderr, done
-    exchange(*export, "--force")
+    export(*words, "--force")
 
 
 def test_a_zero_rotation_is_not_divided_by_zero(folder, tmp_path):
     dead = {name: np.zeros_like(values) for name, values in weights().items()}
-    save_file(dead, tmp_path / "dead.safetensors")
-    exchange("import", tmp_path / "dead.safetensors", "--out", tmp_path / "checkpoint")
-    exchange("export", tmp_path / "checkpoint", "--format", "onnx", "--out", tmp_path / "dead.onnx")
+    export(checkpoint(tmp_path / "dead", "nearest", dead), "--format", "onnx", "--out", tmp_path / "dead.onnx")
     quality, rotation, width = session(tmp_path / "dead.onnx").run(list(OUTPUTS), {"tsdf": grids()[:1]})
     assert (quality == 0.5).all() and (rotation == 0.0).all() and (width == 0.0).all()
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_safetensors_come_out_as_they_went_in(folder, mode):
-    expected, read = weights(), load_file(folder / f"{mode}.safetensors")
-    assert read.keys() == expected.keys()
-    for name, values in expected.items():
-        np.testing.assert_array_equal(read[name], values, err_msg=name)
-    with safe_open(folder / f"{mode}.safetensors", "numpy") as file:
-        assert list(file.metadata()) == ["graspmill"]
 
 
 # From here on with PyTorch.
@@ -191,9 +186,23 @@ def test_what_pytorch_saves_comes_back_bit_by_bit(tmp_path, zipped, wrapped, tor
     saved = {"epoch": 7, "state_dict": {f"module._orig_mod.{name}": tensor for name, tensor in state.items()}} if wrapped else state
     torch.save(saved, tmp_path / "net.pth", _use_new_zipfile_serialization=zipped)
     graspmill.VoxelNetwork.load(tmp_path / "net.pth").save(tmp_path / "net.safetensors")
-    said = exchange("import", tmp_path / "net.safetensors", "--out", tmp_path / "checkpoint.safetensors")
-    assert "nearest" in said and "50 mm behind the tips, at 0 of its voxel" in said
-    read = load_file(tmp_path / "checkpoint.safetensors")
+    native.check_checkpoint(tmp_path / "net.safetensors")
+    with safe_open(tmp_path / "net.safetensors", "numpy") as file:
+        header = json.loads(file.metadata()["graspmill"])
+        read = {name: file.get_tensor(name) for name in file.keys()}
+    assert [header[name] for name in ("upsampling", "origin_behind_tips_m", "voxel_offset")] == ["nearest", 0.05, 0.0]
     assert read.keys() == state.keys()
     for name, tensor in state.items():
         np.testing.assert_array_equal(read[name].view(np.uint32), tensor.numpy().view(np.uint32), err_msg=name)
+
+
+def test_a_state_dict_in_safetensors_is_vgns_unless_it_says_something_else(tmp_path, torch):
+    graspmill = pytest.importorskip("graspmill.torch")
+    halves = {f"module.{name}": values.astype(np.float16) for name, values in weights().items()}
+    for said, upsampling in (({"format": "pt"}, "nearest"), ({"upsampling": "linear", "voxel_offset": "0.5"}, "linear")):
+        save_file(halves, tmp_path / "net.safetensors", said)
+        net = graspmill.VoxelNetwork.load(tmp_path / "net.safetensors")
+        assert (net.upsampling, net.origin_behind_tips_m) == (upsampling, 0.05)
+        assert net.voxel_offset == (0.0 if upsampling == "nearest" else 0.5)
+        for name, tensor in net.state_dict().items():
+            np.testing.assert_array_equal(tensor.numpy(), halves[f"module.{name}"].astype(np.float32), err_msg=name)

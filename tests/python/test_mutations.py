@@ -185,6 +185,6 @@ def test_weights_are_not_read_from_special_files(tmp_path):
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "endless").symlink_to("/dev/zero")
     for name in ("fifo", "loop", "endless", "."):
-        command = [program("trainer"), "import", tmp_path / name, "--out", tmp_path / "x", "--upsampling", "linear"]
+        command = [program("trainer"), "evaluate", "--model", tmp_path / name, "--data", DATASET]
         code, _, printed = ended(command, tmp_path / "log")
         assert code == 78 and b"failed to read" in printed, (name, code, printed)

@@ -88,15 +88,14 @@ const fn name_of(head: Head) -> &'static str {
     }
 }
 
-pub(super) fn is_in(metadata: Option<&Metadata>) -> bool {
-    metadata.is_some_and(|metadata| metadata.contains_key(KEY))
-}
-
 /// The network that the metadata of a file names, and the header there; `path` is for messages.
 pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<(Architecture, Stored), Failure> {
     let refused = |problem: String| damaged(problem, path);
     let text = metadata.and_then(|metadata| metadata.get(KEY)).ok_or_else(|| {
-        refused(format!("weights without the {KEY:?} header that says how they were made: not a checkpoint of trainer"))
+        refused(format!(
+            "weights without the {KEY:?} header that says how they were made: not a checkpoint of trainer; in Python, \
+             graspmill.torch.VoxelNetwork.load(FILE).save(NEW) makes one of VGN's weights"
+        ))
     })?;
     let broken = |e: serde_json::Error| refused(format!("damaged {KEY:?} header: {e}"));
     let Version { format_version, architecture }: Version = serde_json::from_str(text).map_err(broken)?;

@@ -6,4 +6,3 @@ mod devices;
 mod formula;
 mod parity;
 mod receptive_field;
-mod state_dicts;

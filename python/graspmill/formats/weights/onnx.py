@@ -116,15 +116,15 @@ class _Graph:
             self.node("Sigmoid", [logit], "robustness")
 
 
-def write(checkpoint: str, out: str, force: bool = False) -> str:
-    """Writes a checkpoint's network, with ``force`` also in place of a file; returns the network in words. Equal checkpoints
-    give equal bytes.
+def write(checkpoint: str, out: str, force: bool = False) -> None:
+    """Writes a checkpoint's network, with ``force`` also in place of a file. Equal checkpoints give equal bytes.
 
     Raises:
         InputError: If there is no checkpoint, or a file already.
         DataError: If the checkpoint is damaged.
     """
-    onnx, words = module("onnx", "the format onnx", "onnx"), _native.checkpoint(checkpoint)
+    onnx = module("onnx", "the format onnx", "onnx")
+    _native.check_checkpoint(checkpoint)
     helper = onnx.helper
     with module("safetensors", "the format onnx", "onnx").safe_open(checkpoint, "np") as file:
         header: dict[str, Any] = json.loads(file.metadata()["graspmill"])
@@ -164,4 +164,3 @@ def write(checkpoint: str, out: str, force: bool = False) -> str:
     helper.set_model_props(model, dict(sorted(facts.items())))
     with outside(Path(out)):
         write_file(Path(out), model.SerializeToString(deterministic=True))
-    return words

@@ -1,0 +1,57 @@
+"""Checkpoints of networks in PyTorch, as the trainer writes them (``network/src/checkpoint/header.rs``)."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any, Mapping
+
+from torch import nn
+
+from . import _arrays
+from .errors import DataError
+from .formats._files import write
+
+#: Key and version of the header.
+HEADER, FORMAT_VERSION = "graspmill", 1
+#: Id of a dataset that nobody stated, and what takes the place of a recipe.
+UNKNOWN, RECIPE = "unknown (imported weights)", "# Trained with PyTorch.\n"
+_NO_PROGRESS = {
+    "epoch": 0,
+    "batch": 0,
+    "step": 0,
+    "confusion": {name: 0 for name in ("true_positive", "false_positive", "true_negative", "false_negative")},
+    "sums_bits": [0, 0, 0, 0],
+    "best_accuracy_bits": None,
+}
+
+
+def save_checkpoint(
+    net: nn.Module,
+    path: str | os.PathLike[str],
+    architecture: str,
+    own: Mapping[str, Any],
+    dataset_id: str = UNKNOWN,
+    config: str = RECIPE,
+) -> None:
+    """Writes a network's weights, with what its header has of its ``own``."""
+    from safetensors.torch import save
+
+    path = _arrays.path("path", path)
+    tensors = {name: tensor.detach().cpu().float().contiguous() for name, tensor in net.state_dict().items()}
+    for name, tensor in tensors.items():
+        if off := int((~tensor.isfinite()).sum()):
+            raise DataError(f"{name} must be finite, got {off} values that are not: the training diverged")
+    header = {
+        "format_version": FORMAT_VERSION,
+        "architecture": architecture,
+        **own,
+        "dataset_id": dataset_id,
+        "config": config,
+        "progress": _NO_PROGRESS,
+        "adam_steps": 0,
+        "made_by": "graspmill.torch",
+    }
+    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False)
+    write(Path(path), save(tensors, {HEADER: text}))
