@@ -11,8 +11,8 @@
 //! - [`judge`] is the judge: what it sees of a hand, its layers, its answers and their gradient.
 //! - [`checkpoint`] is the file format of a network and its training state, which PyTorch reads, too.
 //!
-//! Parameters are a flat `[f32]` everywhere. The crate `trainer` has the same network in plain form with Burn. Its
-//! tests compare both implementations with each other and with PyTorch.
+//! Parameters are a flat `[f32]` everywhere. The tests of the crate `trainer` have the same network in plain form with
+//! Burn, and compare both implementations with each other and with PyTorch.
 
 mod architecture;
 pub mod checkpoint;

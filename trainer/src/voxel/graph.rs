@@ -1,15 +1,12 @@
-//! The network in Burn: in plain form, for comparison with the kernels of the crate `network`, and at single voxels,
-//! for devices other than the host. Gradients are computed by autodiff.
+//! The network in Burn at single voxels, for devices other than the host. Gradients are computed by autodiff.
 //!
 //! Compiled with the cargo features `wgpu` and `flex` (Burn's backend for the host, which the tests use).
 
 pub mod columns;
 pub mod doubling;
 pub mod loss;
-mod plain;
 mod step;
 
-pub use plain::{DenseOutput, dense};
 pub(crate) use step::{part_results, part_step};
 
 use burn::tensor::{Device, Tensor, TensorData};
@@ -22,7 +19,8 @@ pub fn to_device(vector: &[f32], device: &Device) -> Tensor<1> {
 }
 
 /// The weight `[out, in, k, k, k]` and the bias `[out]` of each layer, cut from the flat vector of all parameters.
-fn parameters(vector: &Tensor<1>) -> Vec<(Tensor<5>, Tensor<1>)> {
+#[must_use]
+pub fn parameters(vector: &Tensor<1>) -> Vec<(Tensor<5>, Tensor<1>)> {
     let slots = parameter_slots();
     let part = |slot: &ParameterSlot| vector.clone().slice(slot.start..slot.start + slot.len);
     let pairs = slots.as_chunks::<2>().0.iter().zip(LAYERS);

@@ -7,6 +7,7 @@ use network::upsampling::Upsampling;
 use trainer::voxel::graph;
 
 use crate::formula::{grid, parameters};
+use crate::plain;
 
 /// Differences in units of the largest value, ascending.
 fn apart(ours: &[f32], plain: Tensor<5>) -> Vec<f32> {
@@ -29,7 +30,7 @@ fn inference_is_the_plain_network_everywhere() {
             let grid = grid(number);
             let ours = dense.infer(&grid);
             let tsdf = TensorData::new(grid, [1, 1, 40, 40, 40]);
-            let expected = graph::dense(&parameters, Tensor::from_data(tsdf, &device), mode);
+            let expected = plain::dense(&parameters, Tensor::from_data(tsdf, &device), mode);
             let logit = apart(&ours.quality_logit, expected.quality_logit);
             let rotation = apart(&ours.rotation, expected.rotation);
             let width = apart(&ours.width_voxels, expected.width_voxels);

@@ -5,4 +5,5 @@ mod dense;
 mod devices;
 mod formula;
 mod parity;
+mod plain;
 mod receptive_field;

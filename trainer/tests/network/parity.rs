@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::formula::{grid, noise, parameters, relative_error, sample};
+use crate::plain::dense;
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor, TensorData};
 use network::VoxelParams;
@@ -15,7 +16,7 @@ use trainer::batch::Batch;
 use trainer::device::Device::Host;
 use trainer::voxel::SampleResult;
 use trainer::voxel::VoxelSample;
-use trainer::voxel::graph::{dense, to_device};
+use trainer::voxel::graph::to_device;
 use trainer::voxel::loss::{Closings, Target};
 use trainer::voxel::step::step;
 

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use crate::formula::{grid, noise, parameters, relative_error, sample};
+use crate::plain;
 use burn::tensor::{Device, Tensor, TensorData};
 use network::VoxelParams;
 use network::layers::parameter_slots;
@@ -13,7 +14,7 @@ use trainer::batch::Batch;
 use trainer::device::Device::Host;
 use trainer::voxel::VoxelSample;
 use trainer::voxel::graph::loss::{Prediction, Targets, sample_losses};
-use trainer::voxel::graph::{self, to_device};
+use trainer::voxel::graph::to_device;
 use trainer::voxel::loss::{Closings, Target};
 use trainer::voxel::step::step;
 
@@ -44,7 +45,7 @@ fn dense(vector: &[f32], batch: &Batch<VoxelSample>, mode: Upsampling) -> (Vec<f
     let device = Device::flex();
     let vector = to_device(vector, &device).autodiff().require_grad();
     let tsdf = TensorData::new(batch.grids[0].to_vec(), [1, 1, 40, 40, 40]);
-    let output = graph::dense(&vector, Tensor::from_data(tsdf, &device).autodiff(), mode);
+    let output = plain::dense(&vector, Tensor::from_data(tsdf, &device).autodiff(), mode);
     let at = |map: &Tensor<5>, [x, y, z]: [usize; 3]| {
         let channels = map.dims()[1];
         map.clone().slice([0..1, 0..channels, x..x + 1, y..y + 1, z..z + 1]).reshape([1, channels])
