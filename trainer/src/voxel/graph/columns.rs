@@ -5,49 +5,19 @@
 //! Kernel positions run x slowest, z fastest, channels fastest of all.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use rayon::prelude::*;
 
 use network::layers::{LAYERS, LayerShape, positions};
 use network::receptive_field::RESOLUTION;
-
-/// Columns of the first layer's gathered input: 5³ voxels.
-const FIRST_COLUMNS: usize = LAYERS[0].kernel.pow(3);
-/// Positions along a side of the first layer's output.
-const FIRST_SIDE: usize = RESOLUTION / 2;
 
 /// The inputs of the first layer, gathered on the host: they need no gradient.
 ///
 /// Shape: `[grids · 20³, 125]`. Each grid has 40³ values, x slowest.
 #[must_use]
 pub fn first_columns(grids: &[&[f32]], device: &Device) -> Tensor<2> {
-    let rows = grids.len() * FIRST_SIDE.pow(3);
-    let mut values = vec![0.0; rows * FIRST_COLUMNS];
-    let planes = values.par_chunks_mut(FIRST_SIDE.pow(2) * FIRST_COLUMNS);
-    planes.enumerate().for_each(|(number, rows)| {
-        gather_plane(grids[number / FIRST_SIDE], number % FIRST_SIDE, rows);
-    });
-    Tensor::from_data(TensorData::new(values, [rows, FIRST_COLUMNS]), device)
-}
-
-/// The rows of the outputs with x = `plane` of one grid.
-fn gather_plane(grid: &[f32], plane: usize, rows: &mut [f32]) {
-    const N: usize = RESOLUTION;
-    const K: usize = LAYERS[0].kernel;
-    let first = |output: usize| (2 * output) as isize - LAYERS[0].padding() as isize;
-    for (at, row) in rows.chunks_exact_mut(FIRST_COLUMNS).enumerate() {
-        let (y, z) = (at / FIRST_SIDE, at % FIRST_SIDE);
-        for (number, run) in row.chunks_exact_mut(K).enumerate() {
-            let (ix, iy) = (first(plane) + (number / K) as isize, first(y) + (number % K) as isize);
-            if !(0..N as isize).contains(&ix) || !(0..N as isize).contains(&iy) {
-                continue;
-            }
-            let line = &grid[(ix as usize * N + iy as usize) * N..][..N];
-            let start = first(z);
-            let (skip, from) = if start < 0 { ((-start) as usize, 0) } else { (0, start as usize) };
-            let count = (K - skip).min(N - from);
-            run[skip..skip + count].copy_from_slice(&line[from..from + count]);
-        }
-    }
+    let (layer, all) = (LAYERS[0], grids.concat());
+    let rows = rows_of(grids.len(), RESOLUTION, layer, layer.padding());
+    let values: Vec<f32> = rows.iter().map(|row| all.get(*row as usize).copied().unwrap_or(0.0)).collect();
+    Tensor::from_data(TensorData::new(values, [rows.len() / layer.fan_in(), layer.fan_in()]), device)
 }
 
 /// Row indices that gather the inputs of a convolution over cubes of positions.
@@ -55,13 +25,13 @@ fn gather_plane(grid: &[f32], plane: usize, rows: &mut [f32]) {
 /// Input positions: `cubes` cubes of `n`³ rows, then, if there is padding, one row of zeros for everything outside.
 /// Output: (n + 2 · padding − kernel) / stride + 1 positions a side of each cube, each with kernel³ entries.
 #[must_use]
-pub fn input_rows(
-    cubes: usize,
-    n: usize,
-    LayerShape { kernel, stride, .. }: LayerShape,
-    padding: usize,
-    device: &Device,
-) -> Tensor<1, Int> {
+pub fn input_rows(cubes: usize, n: usize, layer: LayerShape, padding: usize, device: &Device) -> Tensor<1, Int> {
+    let rows = rows_of(cubes, n, layer, padding);
+    let count = rows.len();
+    Tensor::from_data(TensorData::new(rows, [count]), device)
+}
+
+fn rows_of(cubes: usize, n: usize, LayerShape { kernel, stride, .. }: LayerShape, padding: usize) -> Vec<i64> {
     let outputs = (n + 2 * padding - kernel) / stride + 1;
     let zero_row = (cubes * n.pow(3)) as i64;
     let mut rows = Vec::with_capacity(cubes * outputs.pow(3) * kernel.pow(3));
@@ -76,8 +46,7 @@ pub fn input_rows(
             }
         }
     }
-    let count = rows.len();
-    Tensor::from_data(TensorData::new(rows, [count]), device)
+    rows
 }
 
 #[cfg(test)]
@@ -94,10 +63,10 @@ mod tests {
                 let voxel = [0, 1, 2].map(|axis| (2 * output[axis] + tap[axis]) as isize - 2);
                 let inside = voxel.iter().all(|v| (0..40).contains(v));
                 let expected = if inside { ((voxel[0] * 40 + voxel[1]) * 40 + voxel[2]) as f32 + 1.0 } else { 0.0 };
-                assert_eq!(columns[row * FIRST_COLUMNS + number], expected, "{output:?} {tap:?}");
+                assert_eq!(columns[row * 125 + number], expected, "{output:?} {tap:?}");
             }
         }
-        assert_eq!(columns.len(), 8_000 * FIRST_COLUMNS);
+        assert_eq!(columns.len(), 8_000 * 125);
     }
 
     #[test]
