@@ -18,7 +18,7 @@ use schema::{
 };
 use shards::{Location, Table};
 use simulator::Body;
-use trainer::config::{SplitBy, SplitConfig, Targets};
+use trainer::config::{SplitBy, SplitConfig};
 use trainer::data::{GraspDataset, SplitBits};
 use trainer::device::Device;
 use trainer::judge::Judge;
@@ -262,7 +262,7 @@ impl Dataset {
         let ([test_share, other_share], judge) = (shares, Judge { crops: self.crops().crops });
         let origin = GraspOrigin::behind_tips(origin_behind_tips_m);
         let params = VoxelParams { head: Head::Quaternion, upsampling: Upsampling::Linear, origin };
-        let voxel = Voxel::new(params, Targets::Attempt, Device::Host);
+        let voxel = Voxel::new(params, Device::Host);
         let (config, location) = (SplitConfig { by, test_share, other_share }, self.dataset.location());
         self.read()?;
         let marked = || {

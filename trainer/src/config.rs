@@ -124,8 +124,6 @@ settings! {
     pub struct VoxelTraining {
         /// How much more a held attempt's quality loss counts than a failed one's; 1 is the paper's.
         pub positive_weight: f64 where above(0.0, 1000.0); or 1.0,
-        /// What a voxel is to answer of several attempts that have their origin in it.
-        pub targets: Targets; or Targets::Attempt,
         /// Which closing directions are right where an attempt held.
         pub closings: Closing; or Closing::Attempt,
     }
@@ -161,16 +159,6 @@ settings! {
 /// What is not stored, so that runs from before it can be resumed.
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
-}
-
-words! {
-    /// What the paper's network is to answer of several attempts with their origin in one voxel.
-    pub enum Targets {
-        /// How each of them ended: the paper.
-        Attempt = "attempt",
-        /// Whether any of them held; they are one sample, the first that held or else the first.
-        Voxel = "voxel",
-    }
 }
 
 words! {
@@ -253,6 +241,9 @@ impl Config {
     }
 }
 
+/// Keys of `[training]` in files of 0.3.0 that chose between what is gone and what is left.
+const GONE: [(&str, &str); 1] = [("targets", "\"attempt\"")];
+
 /// A table's keys as TOML.
 fn text(table: &impl Serialize) -> String {
     toml::to_string(table).unwrap_or_default() // numbers and words always have a TOML form
@@ -267,6 +258,9 @@ impl Setting for Config {
 
     fn read(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
         let mut common = value.as_table().cloned().unwrap_or_default();
+        if let Some(training) = common.get_mut("training").and_then(Value::as_table_mut) {
+            training.retain(|key, value| !GONE.contains(&(key, value.to_string().as_str())));
+        }
         let kind = common.get("network").and_then(|network| network.get("kind"));
         let method = if kind.and_then(Value::as_str) == Some(Kind::Judge.name()) {
             // Files of judges from before 0.4.0 have keys of the voxel network, each with its default.
@@ -337,6 +331,17 @@ mod tests {
         assert_eq!(config, paper);
         let TrainingParams { schedule, patience_epochs, .. } = config.training;
         assert_eq!((schedule, patience_epochs), (Schedule::Constant, 0));
+    }
+
+    #[test]
+    fn keys_that_are_gone_may_say_what_is_left() {
+        let parse = |key: &str| Config::parse(&OLD.replace("\n[split]", &format!("{key}\n[split]")), Path::new("x"));
+        let old = Config::parse(OLD, Path::new("old.toml")).unwrap();
+        for (key, value) in GONE {
+            assert_eq!(parse(&format!("{key} = {value}\n")).unwrap(), old, "{key}");
+            let told = parse(&format!("{key} = 7\n")).unwrap_err().to_string();
+            assert!(told.contains(&format!("training.{key} is an unknown key")), "{told}");
+        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ use settings::words;
 use shards::{Dataset, Location};
 
 use crate::batch::Sample;
-use crate::config::{self, Config, Targets};
+use crate::config::Config;
 use crate::data::split_bits::NO_SAMPLE;
 use crate::data::{GraspDataset, Set, for_each_batch};
 use crate::device::Device;
@@ -79,28 +79,17 @@ pub struct Evaluation {
     pub hands: Option<HandScores>,
 }
 
-/// Evaluates a checkpoint on a set of a dataset. Without `targets` those of the recipe are asked.
+/// Evaluates a checkpoint on a set of a dataset.
 ///
 /// # Errors
 /// If checkpoint or dataset cannot be read, or the set has no samples.
-pub fn evaluate(
-    path: &Path,
-    data: impl Into<Location>,
-    set: TestSet,
-    targets: Option<Targets>,
-) -> Result<Evaluation, Failure> {
+pub fn evaluate(path: &Path, data: impl Into<Location>, set: TestSet) -> Result<Evaluation, Failure> {
     let checkpoint = checkpoint::read(path)?;
     let dataset = Dataset::open(data)?;
     let trained_on = trained_on(&checkpoint, &dataset, set)?;
     match &checkpoint.architecture {
         Architecture::Voxel(params) => {
-            // Weights from elsewhere have no recipe.
-            let own = || match Config::parse(&checkpoint.config, path).ok()?.method {
-                config::Method::Voxel(own) => Some(own.training.targets),
-                config::Method::Judge => None,
-            };
-            let targets = targets.or_else(own).unwrap_or(Targets::Attempt);
-            evaluated(Voxel::new(*params, targets, Device::Host), &checkpoint, &dataset, set, trained_on, path)
+            evaluated(Voxel::new(*params, Device::Host), &checkpoint, &dataset, set, trained_on, path)
         }
         Architecture::Judge(scope) => {
             let hands = dataset.info().hands();

@@ -18,7 +18,7 @@ use schema::{AttemptRecord, Axis, Grid, ObjectRecord, Pose, ShapeKind, Vec3};
 use shards::DatasetInfo;
 
 use crate::batch::{Batch, Scene};
-use crate::config::{Closing, Targets, VoxelConfig, VoxelTraining};
+use crate::config::{Closing, VoxelConfig, VoxelTraining};
 use crate::data::split_bits::{FAILED, HELD};
 use crate::data::{Rows, Shard};
 use crate::device::Device;
@@ -54,8 +54,6 @@ pub struct VoxelSample {
 pub struct Voxel {
     /// Where the network has a grasp's origin, and how it doubles grids.
     pub params: VoxelParams,
-    /// Whether all attempts of a voxel are one sample.
-    pub targets: Targets,
     /// What computes.
     pub device: Device,
     /// Rotations and shifts of scenes.
@@ -69,17 +67,17 @@ pub struct Voxel {
 impl Voxel {
     /// Without changes to samples.
     #[must_use]
-    pub const fn new(params: VoxelParams, targets: Targets, device: Device) -> Self {
-        Self { params, targets, device, augmentation: Augmentation::OFF, any_closing: false, positive_weight: 1.0 }
+    pub const fn new(params: VoxelParams, device: Device) -> Self {
+        Self { params, device, augmentation: Augmentation::OFF, any_closing: false, positive_weight: 1.0 }
     }
 
     /// As a recipe trains it.
     #[must_use]
     pub fn in_training(config: &VoxelConfig, device: Device) -> Self {
         let VoxelConfig { network, training, augmentation } = *config;
-        let VoxelTraining { positive_weight, targets, closings } = training;
+        let VoxelTraining { positive_weight, closings } = training;
         let any_closing = closings == Closing::Object;
-        Self { augmentation, any_closing, positive_weight, ..Self::new(network.params(), targets, device) }
+        Self { augmentation, any_closing, positive_weight, ..Self::new(network.params(), device) }
     }
 }
 
@@ -100,8 +98,8 @@ impl Method for Voxel {
         };
         let inside = all.iter().filter_map(|attempt| at_voxel(shard, attempt, rows.objects, self.params.origin));
         let samples: Vec<Sample> = inside.collect();
-        let (outside, of_voxels) = ((all.len() - samples.len()) as u64, self.targets == Targets::Voxel);
-        (if of_voxels { one_per_voxel(samples) } else { samples }, outside)
+        let outside = (all.len() - samples.len()) as u64;
+        (samples, outside)
     }
 
     fn mark(data: &VoxelSample) -> u8 {
@@ -138,14 +136,6 @@ impl Method for Voxel {
         let sure = found.iter().filter(|(_, result)| result.quality_logit > libm::logf(9.0));
         ([errors(found.iter(), voxel_size_m), errors(sure, voxel_size_m)], None)
     }
-}
-
-/// Of a scene's samples one for each voxel: the first that held, or else the first; by attempt.
-fn one_per_voxel(mut samples: Vec<Sample>) -> Vec<Sample> {
-    samples.sort_by_key(|sample| (sample.data.voxel, sample.data.target.label == 0, sample.id.attempt));
-    samples.dedup_by_key(|sample| sample.data.voxel);
-    samples.sort_by_key(|sample| sample.id.attempt);
-    samples
 }
 
 /// The sample of an attempt, or `None` if its grasp's origin is outside the grid.
@@ -231,25 +221,5 @@ mod tests {
         let cylinder = |rotation| closings_of(ShapeKind::Cylinder, [0.04, 0.04, 0.06], rotation);
         assert_eq!([cylinder(along_z), cylinder(along_x)], [Closings::Any, Closings::Half]);
         assert_eq!(closings_of(ShapeKind::TriPrism, [0.04, 0.06, 0.05], along_z), Closings::Half);
-    }
-
-    #[test]
-    fn a_voxel_held_if_any_of_its_attempts_did() {
-        let sample = |attempt: u32, x: usize, label: u8| {
-            let (rotation, closings) = (Quat::IDENTITY, Closings::Half);
-            let width_voxels = f32::from(label) * attempt as f32;
-            let target = Target { tips_voxels: [0.0; 3], label, rotation, width_voxels, quality_weight: 1.0, closings };
-            let one = sample(0, [x, 1, 2], target);
-            Sample { id: SampleId { attempt, ..one.id }, ..one }
-        };
-        let all = [(0, 5, 0), (1, 9, 0), (2, 5, 1), (4, 9, 0), (5, 5, 1), (7, 0, 1), (8, 0, 0)];
-        let samples = all.map(|(attempt, x, label)| sample(attempt, x, label)).to_vec();
-        let kept = one_per_voxel(samples.clone());
-        assert_eq!(kept, [samples[1], samples[2], samples[5]]);
-        for VoxelSample { voxel, .. } in samples.iter().map(|sample| sample.data) {
-            let own: Vec<_> = kept.iter().filter(|kept| kept.data.voxel == voxel).collect();
-            let any = samples.iter().any(|other| other.data.voxel == voxel && other.data.target.label == 1);
-            assert_eq!((own.len(), own[0].data.target.label), (1, u8::from(any)));
-        }
     }
 }

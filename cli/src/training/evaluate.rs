@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use program::{ExitCode, Failure, json, print, start_threads};
 use shards::Location;
-use trainer::config::Targets;
 use trainer::evaluate::{TestSet, evaluate};
 use trainer::run_folder::SavedAs;
 
@@ -33,10 +32,6 @@ pub(crate) struct Arguments {
     /// Which samples: held-out attempts of training scenes, held-out scenes, or every sample.
     #[arg(long, default_value = TestSet::TestAttempts.name(), value_parser = one_of!(TestSet))]
     split: TestSet,
-    /// Ask about every attempt, also a network that learned one answer a voxel (training.targets = "voxel"); with
-    /// --split all.
-    #[arg(long)]
-    per_attempt: bool,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -55,27 +50,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         // clap asks for one of the two.
         (None, run) => arguments.checkpoint.path(run.as_deref().unwrap_or(Path::new("."))),
     };
-    if arguments.per_attempt && arguments.split != TestSet::All {
-        // What was held out of the voxels would be others than of the attempts.
-        return Err(Failure::new(ExitCode::Usage, "--per-attempt needs --split all"));
-    }
-    let asked = arguments.per_attempt.then_some(Targets::Attempt);
-    execute(&path, &arguments.data, arguments.split, asked, arguments.json, arguments.report.as_deref())
-}
-
-/// Evaluates a checkpoint, and writes and prints the results.
-pub(crate) fn execute(
-    checkpoint: &Path,
-    data: &Location,
-    split: TestSet,
-    targets: Option<Targets>,
-    is_json: bool,
-    report: Option<&Path>,
-) -> Result<ExitCode, Failure> {
-    let evaluation = evaluate(checkpoint, data, split, targets)?;
-    if let Some(folder) = report {
+    let evaluation = evaluate(&path, &arguments.data, arguments.split)?;
+    if let Some(folder) = &arguments.report {
         write_report(&evaluation, folder)?;
     }
-    print(if is_json { json(&evaluation)? } else { document(&evaluation).text() })?;
+    print(if arguments.json { json(&evaluation)? } else { document(&evaluation).text() })?;
     Ok(ExitCode::Ok)
 }

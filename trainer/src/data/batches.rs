@@ -39,7 +39,6 @@ mod tests {
 
     use super::*;
     use crate::batch::{SampleId, Scene};
-    use crate::config::Targets;
     use crate::device::Device;
     use crate::split::LabelCount;
     use crate::voxel::augmentation::Augmentation;
@@ -48,7 +47,7 @@ mod tests {
 
     fn method() -> Voxel {
         let params = VoxelParams::at_tips(Upsampling::Linear);
-        Voxel::new(params, Targets::Attempt, Device::Host)
+        Voxel::new(params, Device::Host)
     }
 
     fn scenes() -> Scenes<VoxelSample> {

@@ -14,7 +14,7 @@ use network::head::Head;
 use network::upsampling::Upsampling;
 use shards::Dataset;
 use trainer::batch::{Sample, SampleId};
-use trainer::config::{Config, Targets};
+use trainer::config::Config;
 use trainer::data::{GraspDataset, SplitBits};
 use trainer::device::Device;
 use trainer::events::Event;
@@ -128,7 +128,6 @@ fn a_run_begun_before_these_keys_goes_on_and_is_evaluated() {
                 "positive_weight",
                 "patience_epochs",
                 "shuffle_scenes",
-                "targets",
                 "[augmentation]",
                 "quarter_turns",
                 "shift_z_voxels_max",
@@ -235,7 +234,7 @@ fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
     let datasets = [data, more].map(|at| Dataset::open(Path::new(at)).unwrap());
     let survey = |datasets| {
         let params = VoxelParams::at_tips(Upsampling::Linear);
-        let method = Voxel::new(params, Targets::Attempt, Device::Host);
+        let method = Voxel::new(params, Device::Host);
         GraspDataset::survey(datasets, method, &AtomicBool::new(false), &|| {}).unwrap()
     };
     let (all, second) = (survey(&datasets), survey(&datasets[1..]));
@@ -260,25 +259,6 @@ fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
     check_fails(&place.args(&place.run("twice"), &["--data", data]), 78, &["given twice"]);
 }
 
-#[test]
-fn a_network_of_voxels_is_asked_about_voxels_or_about_every_attempt() {
-    let place = Place::new(1, "targets = \"voxel\"", "");
-    let [run, fresh] = ["voxels", "fresh"].map(|name| place.run(name));
-    assert_eq!(place.fit(&place.config(), &run), Ending::Done);
-    // So many attempts that some have their origin in one voxel.
-    write_dataset(&fresh, 6, 2, 4, 400);
-    let [run, fresh] = [&run, &fresh].map(|path| path.to_str().unwrap());
-    let samples = |more: &[&str]| {
-        let output = trainer(&[&["evaluate", "--run", run, "--data", fresh, "--json"][..], more].concat());
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        told["all"]["samples"].as_u64().unwrap()
-    };
-    let [voxels, attempts] = [samples(&["--split", "all"]), samples(&["--split", "all", "--per-attempt"])];
-    assert!(voxels < attempts && attempts <= 1600 && attempts > 1500, "{voxels} of {attempts}");
-    check_fails(&["evaluate", "--run", run, "--data", fresh, "--per-attempt"], 2, &["--per-attempt needs --split all"]);
-}
-
 /// VGN's six yaws at a point are one sample of a network with one orientation a voxel, and six of one that is asked by
 /// closing direction.
 #[test]
@@ -296,7 +276,7 @@ fn each_yaw_is_a_sample_of_a_head_by_closing() {
     let datasets = [Dataset::open(&data).unwrap()];
     let [points, yaws] = [Head::Quaternion, Head::Closings].map(|head| {
         let params = VoxelParams { head, ..VoxelParams::at_tips(Upsampling::Linear) };
-        let method = Voxel::new(params, Targets::Attempt, Device::Host);
+        let method = Voxel::new(params, Device::Host);
         count_samples(&GraspDataset::survey(&datasets, method, &AtomicBool::new(false), &|| {}).unwrap().marks)
     });
     assert!(points > 0 && yaws == 6 * points, "{points} points, {yaws} yaws");
