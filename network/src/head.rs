@@ -13,7 +13,7 @@
 //! The *turn* of a hand is that about its approach, from the hand that the shortest rotation makes of one that comes
 //! from straight above with its closing direction along −y.
 
-use core::f32::consts::{FRAC_PI_2, PI};
+use core::f32::consts::PI;
 
 use schema::{Quat, Vec3};
 use settings::words;
@@ -246,12 +246,6 @@ pub fn shares_of(turn_rad: f32) -> [f32; TURNS] {
     shares
 }
 
-/// A turn a quarter later.
-#[must_use]
-pub fn crossed(turn_rad: f32) -> f32 {
-    (turn_rad + FRAC_PI_2).rem_euclid(PI)
-}
-
 #[cfg(test)]
 mod tests {
     use schema::{Purpose, Stream, axis_angle};
@@ -314,7 +308,7 @@ mod tests {
 
     #[test]
     fn of_two_crossed_closings_the_better_is_answered() {
-        let (one, other) = (0.4, crossed(0.4));
+        let (one, other) = (0.4, 0.4 + core::f32::consts::FRAC_PI_2);
         let (here, there) = (shares_of(one), shares_of(other));
         let both = head(core::array::from_fn(|at| 0.6 * here[at] + 0.4 * there[at]));
         assert!((turn_in(&both.answer()) - one).abs() < 0.01, "of equal quality the more likely");

@@ -124,8 +124,6 @@ settings! {
     pub struct VoxelTraining {
         /// How much more a held attempt's quality loss counts than a failed one's; 1 is the paper's.
         pub positive_weight: f64 where above(0.0, 1000.0); or 1.0,
-        /// Which closing directions are right where an attempt held.
-        pub closings: Closing; or Closing::Attempt,
     }
 }
 
@@ -159,17 +157,6 @@ settings! {
 /// What is not stored, so that runs from before it can be resumed.
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
-}
-
-words! {
-    /// The closing directions that are right at the voxel of an attempt that held.
-    pub enum Closing {
-        /// That of the attempt, in either direction: Eq. 3.
-        Attempt = "attempt",
-        /// Every one by which its object can be gripped from there: across either pair of a box's sides, if both fit
-        /// between the fingers; any way about the axis of a cylinder.
-        Object = "object",
-    }
 }
 
 settings! {
@@ -242,7 +229,7 @@ impl Config {
 }
 
 /// Keys of `[training]` in files of 0.3.0 that chose between what is gone and what is left.
-const GONE: [(&str, &str); 1] = [("targets", "\"attempt\"")];
+const GONE: [(&str, &str); 2] = [("targets", "\"attempt\""), ("closings", "\"attempt\"")];
 
 /// A table's keys as TOML.
 fn text(table: &impl Serialize) -> String {

@@ -165,7 +165,7 @@ pub struct GraspErrors {
     /// Angle between the predicted and the true closing direction or its opposite, in degrees.
     pub closing_deg: Option<Spread>,
     /// The same to the nearest closing direction by which the object can be gripped as well
-    /// ([`Closings`](crate::voxel::loss::Closings)).
+    /// ([`Closings`](crate::voxel::Closings)).
     pub nearest_closing_deg: Option<Spread>,
     /// Absolute difference of predicted and true opening, in millimetres.
     pub width_mm: Option<Spread>,

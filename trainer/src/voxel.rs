@@ -18,7 +18,7 @@ use schema::{AttemptRecord, Axis, Grid, ObjectRecord, Pose, ShapeKind, Vec3};
 use shards::DatasetInfo;
 
 use crate::batch::{Batch, Scene};
-use crate::config::{Closing, VoxelConfig, VoxelTraining};
+use crate::config::VoxelConfig;
 use crate::data::split_bits::{FAILED, HELD};
 use crate::data::{Rows, Shard};
 use crate::device::Device;
@@ -28,7 +28,7 @@ use crate::results;
 use crate::scores::GraspErrors;
 use augmentation::Augmentation;
 use errors::errors;
-use loss::{ClassWeights, Closings, Target};
+use loss::{ClassWeights, Target};
 
 type Sample = crate::batch::Sample<VoxelSample>;
 /// The predicted orientation as a unit quaternion xyzw.
@@ -45,8 +45,19 @@ pub struct VoxelSample {
     pub voxel: [usize; 3],
     /// The result of the attempt there.
     pub target: Target,
-    /// Which turns of its orientation grip the object as well; in the target are those that count.
+    /// By which turns of its orientation the hand grips the object as well.
     pub closings: Closings,
+}
+
+/// By which turns about its approach a hand grips the same object as well.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Closings {
+    /// By half a turn, which only exchanges the fingers.
+    Half,
+    /// By a quarter turn: a box that fits between the fingers across either pair of its sides.
+    Quarter,
+    /// By any: a cylinder that is approached along its axis.
+    Any,
 }
 
 /// The voxel network, its device, and how samples are made for it. What changes samples is only applied in training.
@@ -58,8 +69,6 @@ pub struct Voxel {
     pub device: Device,
     /// Rotations and shifts of scenes.
     pub augmentation: Augmentation,
-    /// Whether every closing counts by which the object can be gripped, or that of the attempt alone.
-    pub any_closing: bool,
     /// How much more a success counts than a failure.
     pub positive_weight: f64,
 }
@@ -68,16 +77,15 @@ impl Voxel {
     /// Without changes to samples.
     #[must_use]
     pub const fn new(params: VoxelParams, device: Device) -> Self {
-        Self { params, device, augmentation: Augmentation::OFF, any_closing: false, positive_weight: 1.0 }
+        Self { params, device, augmentation: Augmentation::OFF, positive_weight: 1.0 }
     }
 
     /// As a recipe trains it.
     #[must_use]
     pub fn in_training(config: &VoxelConfig, device: Device) -> Self {
         let VoxelConfig { network, training, augmentation } = *config;
-        let VoxelTraining { positive_weight, closings } = training;
-        let any_closing = closings == Closing::Object;
-        Self { augmentation, any_closing, positive_weight, ..Self::new(network.params(), device) }
+        let positive_weight = training.positive_weight;
+        Self { augmentation, positive_weight, ..Self::new(network.params(), device) }
     }
 }
 
@@ -111,10 +119,7 @@ impl Method for Voxel {
         let heights = || scene.samples.iter().map(|sample| sample.data.voxel[2]);
         let heights = heights().min().unwrap_or_default()..=heights().max().unwrap_or_default();
         let motion = self.augmentation.draw(epoch.seed, epoch.number, scene.number.into(), heights);
-        for VoxelSample { voxel, target, closings } in own.iter_mut().map(|sample| &mut sample.data) {
-            if self.any_closing {
-                target.closings = *closings;
-            }
+        for VoxelSample { voxel, target, .. } in own.iter_mut().map(|sample| &mut sample.data) {
             target.quality_weight = weights.of(target.label);
             target.rotation = motion.rotation(target.rotation);
             target.tips_voxels = motion.offset(target.tips_voxels);
@@ -152,7 +157,7 @@ fn at_voxel(
     let width_m = attempt.width_m.filter(|_| label == 1).unwrap_or(0.0);
     let (rotation, width_voxels) = (pose.rotation, width_m / grid.voxel_size_m());
     let tips_voxels = ((pose.translation - grid.centre_m(voxel)) / grid.voxel_size_m()).to_array();
-    let target = Target { label, rotation, closings: Closings::Half, width_voxels, tips_voxels, quality_weight: 1.0 };
+    let target = Target { label, rotation, width_voxels, tips_voxels, quality_weight: 1.0 };
     // A damaged table may name an object that its scene does not have.
     let object = objects.get(attempt.object_id as usize).filter(|_| label == 1);
     let closings = object.map_or(Closings::Half, |object| closings(pose, object, gripper.opening_m_max));

@@ -42,8 +42,8 @@ mod tests {
     use crate::device::Device;
     use crate::split::LabelCount;
     use crate::voxel::augmentation::Augmentation;
-    use crate::voxel::loss::{ClassWeights, Closings, Target};
-    use crate::voxel::{Voxel, VoxelSample};
+    use crate::voxel::loss::{ClassWeights, Target};
+    use crate::voxel::{Closings, Voxel, VoxelSample};
 
     fn method() -> Voxel {
         let params = VoxelParams::at_tips(Upsampling::Linear);
@@ -61,7 +61,6 @@ mod tests {
                         tips_voxels: [0.0; 3],
                         label: u8::from(attempt == 0),
                         rotation: Quat::from_xyzw(0.0, 0.6, 0.0, 0.8),
-                        closings: Closings::Half,
                         width_voxels: 5.0,
                         quality_weight: 1.0,
                     },
@@ -102,7 +101,7 @@ mod tests {
         let scenes = scenes();
         let augmentation = Augmentation { quarter_turns: true, mirrors: true, shift_z_voxels_max: 30 };
         let weights = ClassWeights::new(3.0, 3, 12);
-        let method = Voxel { augmentation, positive_weight: 3.0, any_closing: true, ..method() };
+        let method = Voxel { augmentation, positive_weight: 3.0, ..method() };
         let mut moved = 0;
         for number in 0..20 {
             let epoch = epoch(number);

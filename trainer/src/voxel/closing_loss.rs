@@ -4,34 +4,20 @@
 //!
 //! - `L_q`: Eq. 2 with the quality at the turn that was tried;
 //! - `L_a = 1 − â·a`;
-//! - `L_φ`: the cross-entropy of the histogram with the two turns nearest to φ; where other closings grip as well
-//!   ([`Closings`]), with all of them in equal shares;
+//! - `L_φ`: the cross-entropy of the histogram with the two turns nearest to φ;
 //! - `L_w = (ŵ(φ) − w)²` and `L_t = |t̂ − t|²`, in voxels;
 //! - `L = L_q + y (L_a + 0.3 L_φ + k L_w + 0.03 L_t)` with the paper's k of 0.01.
 
-use network::head::{ClosingsHead, TURNS, crossed, shares_of, turn_of, waves};
+use network::head::{ClosingsHead, TURNS, shares_of, turn_of, waves};
 use schema::Vec3;
 
 use super::SampleResult;
-use super::loss::{Closings, Target, WIDTH_WEIGHT, apart, quality_loss, quality_slope, target_width};
+use super::loss::{Target, WIDTH_WEIGHT, apart, quality_loss, quality_slope, target_width};
 
 /// Weight of L_φ.
 pub const TURN_WEIGHT: f32 = 0.3;
 /// Weight of L_t.
 pub const TIPS_WEIGHT: f32 = 0.03;
-
-/// The shares that a target has of the histogram.
-fn target_shares(target: &Target, turn_rad: f32) -> [f32; TURNS] {
-    let own = shares_of(turn_rad);
-    match target.closings {
-        Closings::Half => own,
-        Closings::Quarter => {
-            let across = shares_of(crossed(turn_rad));
-            core::array::from_fn(|at| 0.5 * (own[at] + across[at]))
-        }
-        Closings::Any => [1.0 / TURNS as f32; TURNS],
-    }
-}
 
 /// The loss of one sample with this answer.
 #[must_use]
@@ -45,7 +31,7 @@ pub fn sample_loss(head: &ClosingsHead, target: &Target) -> SampleResult {
         let off = head.width_voxels(turn_rad) - target_width(target);
         (rotation, width) = (apart(predicted, target), off * off);
         let approach = 1.0 - head.approach().0.dot(target.rotation * Vec3::Z);
-        let shares = target_shares(target, turn_rad);
+        let shares = shares_of(turn_rad);
         // Far below what single precision tells from 0.
         let surprise: f32 = shares.iter().zip(head.shares()).map(|(to, own)| -to * libm::logf(own.max(1e-30))).sum();
         let tips: f32 = head.tips_voxels.iter().zip(target.tips_voxels).map(|(own, to)| (own - to) * (own - to)).sum();
@@ -71,7 +57,7 @@ pub fn loss_gradient(head: &ClosingsHead, target: &Target, weight: f32) -> [f32;
         let (approach, length) = head.approach();
         let to = target.rotation * Vec3::Z;
         d.approach = ((approach * approach.dot(to) - to) * (weight / length)).to_array();
-        let (own, shares) = (head.shares(), target_shares(target, turn_rad));
+        let (own, shares) = (head.shares(), shares_of(turn_rad));
         d.turns = core::array::from_fn(|at| weight * TURN_WEIGHT * (own[at] - shares[at]));
         let off = head.width_voxels(turn_rad) - target_width(target);
         d.width_voxels = waves.map(|wave| 2.0 * weight * WIDTH_WEIGHT * off * wave);
@@ -105,7 +91,7 @@ mod tests {
                 1.0 - outputs[3..6].iter().zip(approach).map(|(own, to)| own * f64::from(to)).sum::<f64>() / length;
             let logits = &outputs[6..6 + TURNS];
             let sum: f64 = logits.iter().map(|logit| libm::exp(*logit)).sum();
-            let shares = target_shares(target, turn as f32);
+            let shares = shares_of(turn as f32);
             total += 0.3 * shares.iter().zip(logits).map(|(to, z)| f64::from(*to) * (libm::log(sum) - z)).sum::<f64>();
             let off = at_turn(6 + TURNS) - f64::from(target.width_voxels);
             total += 0.01 * off * off;
@@ -122,12 +108,11 @@ mod tests {
             axis in prop::array::uniform3(-1.0_f32..1.0),
             angle in -3.0_f32..3.0,
             (label, width_voxels, quality_weight) in (0_u8..2, 1.0_f32..10.0, 0.2_f32..3.0),
-            closings in prop::sample::select(vec![Closings::Half, Closings::Quarter, Closings::Any]),
             tips_voxels in prop::array::uniform3(-7.0_f32..7.0),
         ) {
             prop_assume!(outputs[3..6].iter().map(|part| part * part).sum::<f64>() > 0.2);
             let rotation = axis_angle(Vec3::from_array(axis).normalize_or(Vec3::X), angle);
-            let target = Target { label, rotation, closings, width_voxels, tips_voxels, quality_weight };
+            let target = Target { label, rotation, width_voxels, tips_voxels, quality_weight };
             let single: Vec<f32> = outputs.iter().map(|value| *value as f32).collect();
             let head = ClosingsHead::new(&single);
             let expected = slow(&outputs, &target);
@@ -145,28 +130,17 @@ mod tests {
     }
 
     #[test]
-    fn a_histogram_with_every_closing_that_grips_costs_least() {
+    fn the_histogram_of_the_targets_turn_costs_least() {
         let rotation = network::head::hand_of(-Vec3::Z, 0.7);
-        let target = |closings| Target {
-            label: 1,
-            rotation,
-            closings,
-            width_voxels: 5.0,
+        let target = Target { label: 1, rotation, width_voxels: 5.0, tips_voxels: [0.0; 3], quality_weight: 1.0 };
+        let head = ClosingsHead {
+            quality: [0.0; 3],
+            approach: [0.0, 0.0, -1.0],
+            turns: shares_of(0.7).map(|share| libm::logf(share.max(1e-9))),
+            width_voxels: [5.0, 0.0, 0.0],
             tips_voxels: [0.0; 3],
-            quality_weight: 1.0,
         };
-        for closings in [Closings::Half, Closings::Quarter, Closings::Any] {
-            let target = target(closings);
-            let head = ClosingsHead {
-                quality: [0.0; 3],
-                approach: [0.0, 0.0, -1.0],
-                turns: target_shares(&target, 0.7).map(|share| libm::logf(share.max(1e-9))),
-                width_voxels: [5.0, 0.0, 0.0],
-                tips_voxels: [0.0; 3],
-            };
-            assert!((target_shares(&target, 0.7).iter().sum::<f32>() - 1.0).abs() < 1e-6);
-            let gradient = loss_gradient(&head, &target, 1.0);
-            assert!(gradient[3..].iter().all(|slope| slope.abs() < 1e-4), "{closings:?} {gradient:?}");
-        }
+        let gradient = loss_gradient(&head, &target, 1.0);
+        assert!(gradient[3..].iter().all(|slope| slope.abs() < 1e-4), "{gradient:?}");
     }
 }

@@ -2,8 +2,7 @@
 
 use schema::{Quat, Vec3};
 
-use super::loss::Closings;
-use super::{Found, SampleResult, VoxelSample};
+use super::{Closings, Found, SampleResult, VoxelSample};
 use crate::scores::{GraspErrors, Spread, rotation_error_deg};
 
 /// Of the held ones.

@@ -3,16 +3,13 @@
 //! For a sample with label y, quaternion r and width w, and a prediction q̂, r̂, ŵ at its voxel:
 //!
 //! - Eq. 2: `L_q = −(y ln q̂ + (1 − y) ln(1 − q̂))`, taken from the logit so that it stays finite;
-//! - Eq. 3, 4: `L_r = min(1 − |r̂·r|, 1 − |r̂·r_π|)`, r_π the same grasp turned by half a turn about its approach; as
-//!   an extension the minimum over more of its turns ([`Closings`]);
+//! - Eq. 3, 4: `L_r = min(1 − |r̂·r|, 1 − |r̂·r_π|)`, r_π the same grasp turned by half a turn about its approach;
 //! - width: `L_w = (ŵ − w)²`, widths in voxels;
 //! - Eq. 1, 5: `L = L_q + y (L_r + k L_w)` with k = 0.01, averaged over the batch.
 //!
 //! As an extension, a sample's L_q can have a weight ([`ClassWeights`]); in the paper it is 1 for all.
 //!
 //! Values and gradients equal those of Burn's autodiff (`graph::loss`) bit for bit, as a test shows.
-
-use core::f32::consts::FRAC_1_SQRT_2;
 
 use network::head::Head;
 use network::layers::NORM_SQUARED_MIN;
@@ -23,18 +20,6 @@ use super::SampleResult;
 /// k of Eq. 5: the weight of the squared error of the width in voxels.
 pub const WIDTH_WEIGHT: f32 = 0.01;
 
-/// By which turns about its approach a hand grips the same object as well. A network with one orientation a voxel,
-/// asked for each of two crossed ways to grip a box, answers with their diagonal, which slips.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Closings {
-    /// By half a turn, which only exchanges the fingers: Eq. 3.
-    Half,
-    /// By a quarter turn: a box that fits between the fingers across either pair of its sides.
-    Quarter,
-    /// By any: a cylinder that is approached along its axis.
-    Any,
-}
-
 /// The result of the attempt, for one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
@@ -42,8 +27,6 @@ pub struct Target {
     pub label: u8,
     /// Orientation of the grasp.
     pub rotation: Quat,
-    /// Which turns of it count as the same.
-    pub closings: Closings,
     /// Opening width in voxels; counts only where `label` is 1.
     pub width_voxels: f32,
     /// The point between the finger tips as seen from the middle of the voxel, in voxels, for heads that say it.
@@ -128,24 +111,11 @@ fn dot(a: [f32; 4], b: [f32; 4]) -> f32 {
     (0..4).map(|at| a[at] * b[at]).sum()
 }
 
-/// Of a target's orientations the one nearest to a predicted one. (So its product with the prediction has the gradient
-/// of the largest product.) A turn by φ about the approach is cos(φ/2) r + sin(φ/2) r_π.
+/// Of a target's two orientations the one nearer to a predicted one. (So its product with the prediction has the
+/// gradient of the largest product.)
 fn nearest(unit: [f32; 4], target: &Target) -> [f32; 4] {
     let (there, turned) = (target.rotation.to_array(), half_turn(target.rotation).to_array());
-    let (along, across) = (dot(unit, there), dot(unit, turned));
-    let mixed = |a: f32, b: f32| std::array::from_fn(|at| a * there[at] + b * turned[at]);
-    let half = if -across.abs() + 1.0 < -along.abs() + 1.0 { turned } else { there };
-    match target.closings {
-        Closings::Half => half,
-        Closings::Quarter => {
-            let quarter = mixed(FRAC_1_SQRT_2, FRAC_1_SQRT_2.copysign(along * across));
-            if dot(unit, quarter).abs() > dot(unit, half).abs() { quarter } else { half }
-        }
-        Closings::Any => match libm::hypotf(along, across) {
-            0.0 => there,
-            norm => mixed(along / norm, across / norm),
-        },
-    }
+    if -dot(unit, turned).abs() + 1.0 < -dot(unit, there).abs() + 1.0 { turned } else { there }
 }
 
 /// e^−|z|.
@@ -236,14 +206,7 @@ mod tests {
     #[test]
     fn a_half_turn_and_the_quaternions_sign_cost_nothing() {
         let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
-        let target = Target {
-            tips_voxels: [0.0; 3],
-            label: 1,
-            rotation,
-            width_voxels: 5.0,
-            quality_weight: 1.0,
-            closings: Closings::Half,
-        };
+        let target = Target { tips_voxels: [0.0; 3], label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0 };
         for same in [rotation, -rotation, half_turn(rotation), -half_turn(rotation)] {
             let [_, _, apart, width] = losses(0.0, same, 7.0, target);
             assert!(apart.abs() < 1e-6, "{same}: {apart}");
@@ -252,53 +215,35 @@ mod tests {
     }
 
     #[test]
-    fn more_closings_cost_nothing_and_others_what_is_left_to_the_nearest() {
+    fn turns_cost_what_is_left_to_the_nearest_half_turn() {
         let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
-        let target = |closings| Target {
-            tips_voxels: [0.0; 3],
-            label: 1,
-            rotation,
-            width_voxels: 5.0,
-            quality_weight: 1.0,
-            closings,
-        };
-        let apart =
-            |turn_rad: f32, closings| losses(0.0, rotation * axis_angle(Vec3::Z, turn_rad), 5.0, target(closings))[2];
+        let target = Target { tips_voxels: [0.0; 3], label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0 };
         for degrees in -360_i32..360 {
-            let turn_rad = (degrees as f32).to_radians();
-            // What is left to the nearest multiple of a half, and of a quarter, turn; halved, as quaternions have it.
-            let left = |step: i32| {
-                let left = degrees.rem_euclid(step).min(step - degrees.rem_euclid(step)) as f32;
-                1.0 - libm::cosf(0.5 * left.to_radians())
-            };
-            assert!((apart(turn_rad, Closings::Half) - left(180)).abs() < 1e-6, "{degrees}");
-            assert!((apart(turn_rad, Closings::Quarter) - left(90)).abs() < 1e-6, "{degrees}");
-            assert!(apart(turn_rad, Closings::Any).abs() < 1e-6, "{degrees}");
+            let turned = rotation * axis_angle(Vec3::Z, (degrees as f32).to_radians());
+            // Halved, as quaternions have it.
+            let left = degrees.rem_euclid(180).min(180 - degrees.rem_euclid(180)) as f32;
+            let expected = 1.0 - libm::cosf(0.5 * left.to_radians());
+            assert!((losses(0.0, turned, 5.0, target)[2] - expected).abs() < 1e-6, "{degrees}");
         }
-        let tilted = |closings| losses(0.0, rotation * axis_angle(Vec3::X, 0.4), 5.0, target(closings))[2];
-        for closings in [Closings::Half, Closings::Quarter, Closings::Any] {
-            assert!((tilted(closings) - (1.0 - libm::cosf(0.2))).abs() < 1e-6, "the approach counts: {closings:?}");
-        }
+        let tilted = losses(0.0, rotation * axis_angle(Vec3::X, 0.4), 5.0, target)[2];
+        assert!((tilted - (1.0 - libm::cosf(0.2))).abs() < 1e-6, "the approach counts");
     }
 
     #[test]
-    fn gradients_of_all_closings_are_the_slopes_of_the_loss() {
+    fn gradients_are_the_slopes_of_the_loss() {
         let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
-        for closings in [Closings::Half, Closings::Quarter, Closings::Any] {
-            let target =
-                Target { tips_voxels: [0.0; 3], label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
-            for (turn, tilt) in [(0.2, 0.3), (0.7, -0.5), (1.9, 0.1), (-2.6, 0.4)] {
-                let heads = heads(0.3, rotation * axis_angle(Vec3::Z, turn) * axis_angle(Vec3::X, tilt), 4.0);
-                let gradient = loss_gradient(&heads, &target, 1.0);
-                for at in 1..5 {
-                    let moved = |by: f32| {
-                        let mut heads = heads;
-                        heads[at] += by;
-                        f64::from(sample_loss(&heads, &target).rotation)
-                    };
-                    let slope = (moved(2e-3) - moved(-2e-3)) / 4e-3;
-                    assert!((f64::from(gradient[at]) - slope).abs() < 1e-3, "{closings:?} {turn} {tilt} {at}");
-                }
+        let target = Target { tips_voxels: [0.0; 3], label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0 };
+        for (turn, tilt) in [(0.2, 0.3), (0.7, -0.5), (1.9, 0.1), (-2.6, 0.4)] {
+            let heads = heads(0.3, rotation * axis_angle(Vec3::Z, turn) * axis_angle(Vec3::X, tilt), 4.0);
+            let gradient = loss_gradient(&heads, &target, 1.0);
+            for at in 1..5 {
+                let moved = |by: f32| {
+                    let mut heads = heads;
+                    heads[at] += by;
+                    f64::from(sample_loss(&heads, &target).rotation)
+                };
+                let slope = (moved(2e-3) - moved(-2e-3)) / 4e-3;
+                assert!((f64::from(gradient[at]) - slope).abs() < 1e-3, "{turn} {tilt} {at}");
             }
         }
     }
@@ -311,7 +256,6 @@ mod tests {
             rotation: Quat::IDENTITY,
             width_voxels: f32::NAN,
             quality_weight: 1.0,
-            closings: Closings::Half,
         };
         let [total, quality, rotation, width] = losses(0.0, axis_angle(Vec3::X, 1.0), 9.0, target);
         assert_eq!([rotation, width], [0.0, 0.0]);
@@ -327,7 +271,6 @@ mod tests {
             rotation: Quat::IDENTITY,
             width_voxels: 0.0,
             quality_weight: 1.0,
-            closings: Closings::Half,
         };
         let [_, quality, _, _] = losses(200.0, Quat::IDENTITY, 0.0, sure_and_wrong);
         assert!((quality - 200.0).abs() < 1e-3, "{quality}");
@@ -348,7 +291,6 @@ mod tests {
                 rotation: Quat::IDENTITY,
                 width_voxels: 5.0,
                 quality_weight: weight,
-                closings: Closings::Half,
             };
             let unweighted = Target { quality_weight: 1.0, ..target };
             let turned = axis_angle(Vec3::X, 0.7);

@@ -70,7 +70,6 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::voxel::loss::Closings;
     use crate::voxel::tests::sample;
     use proptest::prelude::*;
     use schema::Quat;
@@ -82,7 +81,6 @@ mod tests {
             rotation: Quat::IDENTITY,
             width_voxels: 0.0,
             quality_weight: 1.0,
-            closings: Closings::Half,
         };
         let samples = grid_of_sample.iter().map(|grid| sample(*grid, [0; 3], target)).collect();
         let count = grid_of_sample.last().map_or(0, |last| last + 1);

@@ -97,7 +97,7 @@ mod tests {
     use schema::{Purpose, Quat, Stream};
 
     use super::*;
-    use crate::voxel::loss::{Closings, Target};
+    use crate::voxel::loss::Target;
     use crate::voxel::tests::sample;
 
     /// Five grids of noise with six samples each: three parts.
@@ -111,7 +111,6 @@ mod tests {
             rotation: Quat::IDENTITY,
             width_voxels: 6.0,
             quality_weight: 1.0,
-            closings: Closings::Half,
         };
         let mut voxel = || [draw.index(RESOLUTION), draw.index(RESOLUTION), draw.index(RESOLUTION)];
         Batch { grids, samples: (0..30).map(|at| sample(at / 6, voxel(), target(at))).collect() }

@@ -7,7 +7,7 @@ use schema::Quat;
 use trainer::batch::Batch;
 use trainer::device::Device::{Burn, Host};
 use trainer::voxel::VoxelSample;
-use trainer::voxel::loss::{Closings, Target};
+use trainer::voxel::loss::Target;
 use trainer::voxel::step::step;
 
 use crate::formula::{grid, parameters, relative_error, sample};
@@ -21,7 +21,6 @@ fn batch(grids: usize) -> Batch<VoxelSample> {
         rotation: Quat::IDENTITY,
         width_voxels: 6.0,
         quality_weight: 1.0,
-        closings: Closings::Half,
     };
     let sample = |at: usize| sample(at / 6, voxels[at % voxels.len()], target(at));
     Batch {

@@ -3,8 +3,8 @@
 use network::layers::LAYERS;
 use schema::Rule;
 use trainer::batch::{Sample, SampleId};
-use trainer::voxel::VoxelSample;
-use trainer::voxel::loss::{Closings, Target};
+use trainer::voxel::loss::Target;
+use trainer::voxel::{Closings, VoxelSample};
 
 /// A sample of no dataset.
 pub(crate) fn sample(grid: usize, voxel: [usize; 3], target: Target) -> Sample<VoxelSample> {

@@ -17,7 +17,7 @@ use trainer::device::Device::Host;
 use trainer::voxel::SampleResult;
 use trainer::voxel::VoxelSample;
 use trainer::voxel::graph::to_device;
-use trainer::voxel::loss::{Closings, Target};
+use trainer::voxel::loss::Target;
 use trainer::voxel::step::step;
 
 const TOLERANCE: f64 = 1e-4;
@@ -55,7 +55,6 @@ impl Golden {
                 width_voxels: widths[at],
                 tips_voxels: [0.0; 3],
                 quality_weight: 1.0,
-                closings: Closings::Half,
             };
             sample(grids[at], voxels[3 * at..][..3].try_into().unwrap(), target)
         });

@@ -15,7 +15,7 @@ use trainer::device::Device::Host;
 use trainer::voxel::VoxelSample;
 use trainer::voxel::graph::loss::{Prediction, Targets, sample_losses};
 use trainer::voxel::graph::to_device;
-use trainer::voxel::loss::{Closings, Target};
+use trainer::voxel::loss::Target;
 use trainer::voxel::step::step;
 
 const TOLERANCE: f64 = 1e-4;
@@ -27,14 +27,8 @@ fn batch(voxels: &[[usize; 3]]) -> Batch<VoxelSample> {
         let part = |number: usize| 2.0 * draw[number] as f32 - 1.0;
         let rotation = Quat::from_xyzw(part(0), part(1), part(2), part(3)).normalize();
         let (width_voxels, quality_weight) = (5.0 + 4.0 * part(4), [1.0, 0.7, 1.9][at % 3]);
-        let target = Target {
-            tips_voxels: [0.0; 3],
-            label: u8::from(at % 3 != 1),
-            rotation,
-            width_voxels,
-            quality_weight,
-            closings: Closings::Half,
-        };
+        let target =
+            Target { tips_voxels: [0.0; 3], label: u8::from(at % 3 != 1), rotation, width_voxels, quality_weight };
         sample(0, *voxel, target)
     });
     Batch { grids: vec![Arc::from(grid(0))], samples: samples.collect() }

@@ -5,7 +5,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use network::layers::NORM_SQUARED_MIN;
 use schema::Quat;
 
-use crate::voxel::loss::{Closings, Target, WIDTH_WEIGHT, half_turn, target_width};
+use crate::voxel::loss::{Target, WIDTH_WEIGHT, half_turn, target_width};
 
 /// The network's output at one voxel per sample.
 #[derive(Debug, Clone)]
@@ -27,8 +27,6 @@ pub struct Targets {
     pub rotation: Tensor<2>,
     /// The same grasp after half a turn about its approach, `[b, 4]`.
     pub rotation_turned: Tensor<2>,
-    /// 1 where a quarter turn counts as the same, and where any does, `[b]`; none if nowhere.
-    pub more_closings: Option<[Tensor<1>; 2]>,
     /// In voxels, `[b]`.
     pub width_voxels: Tensor<1>,
     /// Weight of Eq. 2, `[b]`.
@@ -64,10 +62,6 @@ impl Targets {
             label: column(&|target| f32::from(target.label)),
             rotation: rotations(&|rotation| rotation),
             rotation_turned: rotations(&half_turn),
-            more_closings: targets.iter().any(|target| target.closings != Closings::Half).then(|| {
-                [Closings::Quarter, Closings::Any]
-                    .map(|which| column(&|target| f32::from(u8::from(target.closings == which))))
-            }),
             width_voxels: column(&target_width),
             quality_weight: column(&|target| target.quality_weight),
         }
@@ -85,14 +79,7 @@ pub fn sample_losses(prediction: &Prediction, targets: &Targets) -> SampleLosses
     let along =
         |rotation: &Tensor<2>| (prediction.rotation.clone() * rotation.clone()).sum_dim(1).squeeze_dim::<1>(1).abs();
     let [there, turned] = [&targets.rotation, &targets.rotation_turned].map(along);
-    let mut apart = (there.clone().neg() + 1.0).min_pair(turned.clone().neg() + 1.0);
-    if let Some([quarter, any]) = &targets.more_closings {
-        let of_quarter = (there.clone() + turned.clone()) * -core::f32::consts::FRAC_1_SQRT_2 + 1.0;
-        let of_any = (there.square() + turned.square()).sqrt().neg() + 1.0;
-        let nearer = of_quarter.min_pair(apart.clone()) - apart.clone();
-        apart = apart.clone() + quarter.clone() * nearer + any.clone() * (of_any - apart);
-    }
-    let rotation = apart * label();
+    let rotation = (there.neg() + 1.0).min_pair(turned.neg() + 1.0) * label();
     let width = (prediction.width_voxels.clone() - targets.width_voxels.clone()).square() * label();
     let total = quality.clone() + rotation.clone() + width.clone() * WIDTH_WEIGHT;
     SampleLosses { total, quality, rotation, width }
@@ -142,7 +129,6 @@ mod tests {
             rotation: Quat::IDENTITY,
             width_voxels: 5.0,
             quality_weight: 1.3,
-            closings: Closings::Half,
         };
         for heads in [[0.0; 6], [90.0, 0.0, 0.0, 0.0, 1.0, 5.0], [-90.0, 1e-13, 0.0, 0.0, 0.0, -1.0], [1e-40; 6]] {
             for label in [0, 1] {
@@ -164,27 +150,8 @@ mod tests {
             let [logit, x, y, z, w, width] = heads;
             let [x, y, z, w] = [x, y, z, w].map(|part| part * scale);
             let rotation = axis_angle(Vec3::from_array(axis).normalize_or(Vec3::Z), angle);
-            let target = Target { tips_voxels: [0.0; 3], label, rotation, width_voxels, quality_weight, closings: Closings::Half };
+            let target = Target { tips_voxels: [0.0; 3], label, rotation, width_voxels, quality_weight };
             check([logit, x, y, z, w, width], target, 1.0 / f32::from(samples));
-        }
-
-        /// Of more closings the order of sums differs, so bits do.
-        #[test]
-        fn more_closings_have_the_losses_and_gradients_of_autodiff(
-            heads in prop::array::uniform6(-9.0_f32..9.0),
-            axis in prop::array::uniform3(-1.0_f32..1.0),
-            angle in -6.0_f32..6.0,
-            closings in prop::sample::select(vec![Closings::Quarter, Closings::Any]),
-        ) {
-            let rotation = axis_angle(Vec3::from_array(axis).normalize_or(Vec3::Z), angle);
-            prop_assume!(heads[1..5].iter().map(|part| part * part).sum::<f32>() > 0.1);
-            let target = Target { tips_voxels: [0.0; 3], label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
-            let (losses, gradient) = by_autodiff(heads, target, 1.0);
-            let SampleResult { total, quality, rotation, width, .. } = sample_loss(&heads, &target);
-                let own = loss_gradient(&heads, &target, 1.0);
-            for (own, other) in [total, quality, rotation, width].iter().chain(&own).zip(losses.iter().chain(&gradient)) {
-                prop_assert!((own - other).abs() < 1e-4 * (1.0 + other.abs()), "{own} {other}");
-            }
         }
     }
 }
