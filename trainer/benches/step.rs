@@ -8,9 +8,9 @@ use network::upsampling::Upsampling;
 use schema::{Purpose, Quat, Rule, Stream};
 use trainer::batch::{Batch, Sample, SampleId};
 use trainer::device::Device;
+use trainer::voxel::VoxelSample;
 use trainer::voxel::loss::Target;
 use trainer::voxel::step::{evaluate, step};
-use trainer::voxel::{Closings, VoxelSample};
 
 fn main() {
     divan::main();
@@ -22,12 +22,11 @@ fn batch(scenes: usize) -> Batch<VoxelSample> {
     let grids = (0..scenes).map(|_| (0..64_000).map(|_| draw.uniform(0.0, 1.0)).collect::<Vec<f32>>());
     let grids: Vec<Arc<[f32]>> = grids.map(Arc::from).collect();
     let samples = (0..48).map(|at| {
-        let closings = Closings::Half;
         let (label, rotation) = ((at % 4 == 0).into(), Quat::IDENTITY);
         let target = Target { tips_voxels: [0.0; 3], label, rotation, width_voxels: 5.0, quality_weight: 1.0 };
         let voxel = [draw.index(40), draw.index(40), draw.index(40)];
         let id = SampleId { scene: 0, attempt: 0, rule: Rule::of_the_paper()[0] };
-        Sample { id, grid: at * scenes / 48, data: VoxelSample { voxel, target, closings } }
+        Sample { id, grid: at * scenes / 48, data: VoxelSample { voxel, target } }
     });
     Batch { samples: samples.collect(), grids }
 }

@@ -6,6 +6,6 @@ mod loader;
 pub(crate) mod split_bits;
 
 pub use batches::batch;
-pub use load::{GraspDataset, Rows, Shard};
+pub use load::{GraspDataset, Shard};
 pub use loader::for_each_batch;
 pub use split_bits::{Set, SplitBits};

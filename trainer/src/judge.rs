@@ -12,8 +12,8 @@ use network::judge::{Crop, Scope};
 use schema::{AttemptRecord, Grid, Gripper, Purpose, Stream};
 
 use crate::batch::{Batch, Scene};
+use crate::data::Shard;
 use crate::data::split_bits::{FAILED, HELD, HITS_TABLE};
-use crate::data::{Rows, Shard};
 use crate::method::{Epoch, Method};
 use crate::scores::GraspErrors;
 use sample::{Found, Sample, SampleResult, StepResult};
@@ -42,7 +42,7 @@ impl Method for Judge {
         true
     }
 
-    fn samples(&self, shard: &Shard<'_>, Rows { attempts, views, .. }: Rows<'_>) -> (Vec<Sample>, u64) {
+    fn samples(&self, shard: &Shard<'_>, attempts: &[AttemptRecord], views: usize) -> (Vec<Sample>, u64) {
         let count = shard.dataset.info().hands().len() as u64;
         let sample = |attempt: &AttemptRecord| {
             let AttemptRecord { scene_id, workspace_from_grasp, outcome, robustness, .. } = *attempt;

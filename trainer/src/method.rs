@@ -3,10 +3,10 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use schema::Grid;
+use schema::{AttemptRecord, Grid};
 
 use crate::batch::{Batch, Sample, Scene};
-use crate::data::{Rows, Shard};
+use crate::data::Shard;
 use crate::judge::scores::HandScores;
 use crate::results::{Found, SampleResult, StepResult};
 use crate::scores::GraspErrors;
@@ -34,8 +34,8 @@ pub trait Method: Debug + Send + Sync {
     /// What only this method predicts of a sample.
     type Answer: Copy + Debug + Send + Sync + 'static;
 
-    /// The samples of a scene of a shard by attempt, and how many attempts have none.
-    fn samples(&self, shard: &Shard<'_>, rows: Rows<'_>) -> (Vec<Sample<Self::Data>>, u64);
+    /// The samples of a scene of a shard, seen from `views` (in a survey none), by attempt; and how many have none.
+    fn samples(&self, shard: &Shard<'_>, attempts: &[AttemptRecord], views: usize) -> (Vec<Sample<Self::Data>>, u64);
 
     /// How a sample's attempt ended, as its mark before the split.
     fn mark(data: &Self::Data) -> u8;

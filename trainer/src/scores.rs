@@ -164,9 +164,6 @@ pub struct GraspErrors {
     pub approach_deg: Option<Spread>,
     /// Angle between the predicted and the true closing direction or its opposite, in degrees.
     pub closing_deg: Option<Spread>,
-    /// The same to the nearest closing direction by which the object can be gripped as well
-    /// ([`Closings`](crate::voxel::Closings)).
-    pub nearest_closing_deg: Option<Spread>,
     /// Absolute difference of predicted and true opening, in millimetres.
     pub width_mm: Option<Spread>,
 }

@@ -68,12 +68,11 @@ fn numbers(evaluation: &Evaluation) -> Table {
 }
 
 /// How far off the grasps are.
-fn off_by(which: &str, errors: &GraspErrors) -> [Vec<Cell>; 5] {
+fn off_by(which: &str, errors: &GraspErrors) -> [Vec<Cell>; 4] {
     [
         row(format!("error of rotation, {} {which}", errors.samples), spread(errors.rotation_deg, "°")),
         row("… of its approach", spread(errors.approach_deg, "°")),
         row("… of its closing direction", spread(errors.closing_deg, "°")),
-        row("… to the nearest that grips the object", spread(errors.nearest_closing_deg, "°")),
         row("error of width, the same", spread(errors.width_mm, " mm")),
     ]
 }

@@ -43,7 +43,7 @@ mod tests {
     use crate::split::LabelCount;
     use crate::voxel::augmentation::Augmentation;
     use crate::voxel::loss::{ClassWeights, Target};
-    use crate::voxel::{Closings, Voxel, VoxelSample};
+    use crate::voxel::{Voxel, VoxelSample};
 
     fn method() -> Voxel {
         let params = VoxelParams::at_tips(Upsampling::Linear);
@@ -64,7 +64,6 @@ mod tests {
                         width_voxels: 5.0,
                         quality_weight: 1.0,
                     },
-                    closings: Closings::Half,
                 },
             });
             Scene {

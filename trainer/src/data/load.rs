@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use network::receptive_field::RESOLUTION;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{AttemptRecord, ObjectRecord, SceneRows};
+use schema::{AttemptRecord, SceneRows};
 use shards::Dataset;
 
 use super::split_bits::{SplitBits, shard_of};
@@ -94,14 +94,6 @@ pub(super) fn stopped() -> Failure {
     Failure::new(ExitCode::TryAgain, "stopped by a signal while reading the dataset")
 }
 
-/// Attempts of a scene. In a survey there are no objects and no views.
-#[derive(Debug, Clone, Copy)]
-pub struct Rows<'a> {
-    pub(crate) attempts: &'a [AttemptRecord],
-    pub(crate) objects: &'a [ObjectRecord],
-    pub(crate) views: usize,
-}
-
 /// A shard of one of the datasets.
 #[derive(Debug)]
 pub struct Shard<'a> {
@@ -158,7 +150,7 @@ impl<'a> Shard<'a> {
             if stop.load(Ordering::Relaxed) {
                 return Err(stopped());
             }
-            let (samples, own_outside) = method.samples(self, Rows { attempts: &attempts?, objects: &[], views: 0 });
+            let (samples, own_outside) = method.samples(self, &attempts?, 0);
             outside += own_outside;
             for sample in samples {
                 marks.set(sample.id.scene, sample.id.attempt, M::mark(&sample.data));
@@ -168,13 +160,12 @@ impl<'a> Shard<'a> {
         Ok((marks, outside))
     }
 
-    fn scene<M: Method>(&self, SceneRows { scene, objects, attempts }: SceneRows, method: &M) -> Scene<M::Data> {
-        let rows = Rows { attempts: &attempts, objects: &objects, views: scene.views.len() };
+    fn scene<M: Method>(&self, SceneRows { scene, attempts, .. }: SceneRows, method: &M) -> Scene<M::Data> {
         Scene {
             number: self.first_scene + scene.scene_id as u32,
             first_attempt: self.first_attempt + scene.scene_id * u64::from(self.dataset.info().attempts_per_scene),
             grid: scene.tsdf.into(),
-            samples: method.samples(self, rows).0,
+            samples: method.samples(self, &attempts, scene.views.len()).0,
         }
     }
 

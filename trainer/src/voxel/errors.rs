@@ -2,7 +2,7 @@
 
 use schema::{Quat, Vec3};
 
-use super::{Closings, Found, SampleResult, VoxelSample};
+use super::{Found, SampleResult, VoxelSample};
 use crate::scores::{GraspErrors, Spread, rotation_error_deg};
 
 /// Of the held ones.
@@ -11,24 +11,16 @@ pub(super) fn errors<'a>(found: impl Iterator<Item = &'a Found>, voxel_size_m: f
     let over = |error: &dyn Fn(&VoxelSample, &SampleResult) -> f64| {
         Spread::of(held.iter().map(|(sample, grasp)| error(&sample.data, grasp)).collect())
     };
-    // The cosine between an axis of the true hand and one of the predicted hand.
-    let cosine = |sample: &VoxelSample, axis: Vec3, grasp: &SampleResult, other: Vec3| {
-        (sample.target.rotation * axis).dot(Quat::from_array(grasp.answer) * other)
+    // The cosine between an axis of the true hand and that of the predicted hand.
+    let cosine = |sample: &VoxelSample, grasp: &SampleResult, axis: Vec3| {
+        (sample.target.rotation * axis).dot(Quat::from_array(grasp.answer) * axis)
     };
     let apart_deg = |cosine: f32| f64::from(libm::acosf(cosine.clamp(-1.0, 1.0)).to_degrees());
     GraspErrors {
         samples: held.len(),
         rotation_deg: over(&|_, grasp| rotation_error_deg(grasp.rotation)),
-        approach_deg: over(&|sample, grasp| apart_deg(cosine(sample, Vec3::Z, grasp, Vec3::Z))),
-        closing_deg: over(&|sample, grasp| apart_deg(cosine(sample, Vec3::Y, grasp, Vec3::Y).abs())),
-        nearest_closing_deg: over(&|sample, grasp| {
-            let to = |axis: Vec3| cosine(sample, axis, grasp, Vec3::Y).abs();
-            apart_deg(match sample.closings {
-                Closings::Half => to(Vec3::Y),
-                Closings::Quarter => to(Vec3::Y).max(to(Vec3::X)),
-                Closings::Any => libm::hypotf(to(Vec3::X), to(Vec3::Y)),
-            })
-        }),
+        approach_deg: over(&|sample, grasp| apart_deg(cosine(sample, grasp, Vec3::Z))),
+        closing_deg: over(&|sample, grasp| apart_deg(cosine(sample, grasp, Vec3::Y).abs())),
         width_mm: over(&|_, grasp| 1e3 * f64::from(voxel_size_m) * f64::from(grasp.width).sqrt()),
     }
 }

@@ -3,13 +3,13 @@
 use network::layers::LAYERS;
 use schema::Rule;
 use trainer::batch::{Sample, SampleId};
+use trainer::voxel::VoxelSample;
 use trainer::voxel::loss::Target;
-use trainer::voxel::{Closings, VoxelSample};
 
 /// A sample of no dataset.
 pub(crate) fn sample(grid: usize, voxel: [usize; 3], target: Target) -> Sample<VoxelSample> {
     let id = SampleId { scene: 0, attempt: 0, rule: Rule::of_the_paper()[0] };
-    Sample { id, grid, data: VoxelSample { voxel, target, closings: Closings::Half } }
+    Sample { id, grid, data: VoxelSample { voxel, target } }
 }
 
 /// Multiples of 2⁻²⁴ in [0, 1): Wellons' lowbias32 hash of the position.
