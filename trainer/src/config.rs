@@ -3,8 +3,7 @@
 //! The keys of a method stand in the tables that both methods have; of the other method they are unknown.
 //!
 //! What goes beyond the paper (`network.head`, `[augmentation]`, `training.schedule`, `training.positive_weight`,
-//! `training.average_decay`, `training.patience_epochs`) may be left out and then is off: recipes and checkpoints from
-//! before these keys stay good.
+//! `training.average_decay`) may be left out and then is off: recipes and checkpoints from before these keys stay good.
 
 use std::path::Path;
 
@@ -143,8 +142,6 @@ settings! {
         /// paper's.
         #[serde(skip_serializing_if = "is_zero")]
         pub average_decay: f64 where 0.0..=0.99999; or 0.0,
-        /// Epochs without a better test accuracy after which training ends; 0 for never.
-        pub patience_epochs: u32 where 0..=10_000; or 0,
         /// Samples of one scene that stay together in the order of an epoch: 1 is a plain shuffle; more share the
         /// encoder's work and make batches less mixed.
         pub samples_per_scene: usize where 1..=4096,
@@ -229,7 +226,7 @@ impl Config {
 }
 
 /// Keys of `[training]` in files of 0.3.0 that chose between what is gone and what is left.
-const GONE: [(&str, &str); 2] = [("targets", "\"attempt\""), ("closings", "\"attempt\"")];
+const GONE: [(&str, &str); 3] = [("targets", "\"attempt\""), ("closings", "\"attempt\""), ("patience_epochs", "0")];
 
 /// A table's keys as TOML.
 fn text(table: &impl Serialize) -> String {
@@ -316,8 +313,7 @@ mod tests {
         paper.training.samples_per_scene = 1;
         paper.training.average_decay = 0.0;
         assert_eq!(config, paper);
-        let TrainingParams { schedule, patience_epochs, .. } = config.training;
-        assert_eq!((schedule, patience_epochs), (Schedule::Constant, 0));
+        assert_eq!(config.training.schedule, Schedule::Constant);
     }
 
     #[test]
@@ -335,7 +331,7 @@ mod tests {
     fn what_goes_beyond_the_paper_is_checked_too() {
         let text = OLD.replace(
             "[split]",
-            "schedule = \"linear\"\npositive_weight = 0.0\npatience_epochs = -1\n\
+            "schedule = \"linear\"\npositive_weight = 0.0\naverage_decay = 1\n\
                    [augmentation]\nquarter_turns = 1\nshift_z_voxels_max = 40\nflips = true\n[split]",
         );
         let Err(settings::Error::Invalid { faults: problems, .. }) = Config::parse(&text, Path::new("x")) else {
@@ -345,7 +341,7 @@ mod tests {
         for problem in [
             "training.schedule must be one of constant, cosine, got linear",
             "training.positive_weight must be above 0 and at most 1000, got 0",
-            "training.patience_epochs must be between 0 and 10000, got -1",
+            "training.average_decay must be between 0 and 0.99999, got 1",
             "augmentation.quarter_turns must be true or false, got 1",
             "augmentation.shift_z_voxels_max must be between 0 and 39, got 40",
             "augmentation.flips is an unknown key",

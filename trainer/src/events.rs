@@ -26,8 +26,6 @@ pub enum Event<'a> {
     },
     /// An epoch is done.
     Epoch(&'a EpochReport),
-    /// Training ends early: none of this many last epochs improved the best accuracy.
-    NoBetter(u32),
 }
 
 /// The state when training begins.

@@ -11,7 +11,6 @@ use network::judge::Scope;
 use network::{Architecture, VoxelParams};
 use program::{ExitCode, Failure};
 use schema::Gripper;
-use serde_json::Value;
 use shards::{Dataset, Location};
 
 use crate::adam;
@@ -31,7 +30,7 @@ use crate::voxel::Voxel;
 /// How training ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
-    /// After the last epoch, or early without further improvement.
+    /// After the last epoch.
     Done,
     /// Stopped by a signal; the checkpoint is written.
     Stopped,
@@ -106,15 +105,6 @@ fn train<M: Method>(
     observe(Event::Begun(&Beginning { outside: samples.outside, labels, progress: state.progress }));
     let training = Training { config, folder, samples: &samples, stop, observe, train: labels.train };
     while state.progress.epoch < config.training.epochs {
-        // Of the metrics alone, so that a run that was begun without patience can go on with it.
-        let is_best = |line: &&String| {
-            serde_json::from_str::<Value>(line).is_ok_and(|line| line["is_best"].as_bool() == Some(true))
-        };
-        let without_better = metrics.iter().rev().take_while(|line| !is_best(line)).count() as u32;
-        if config.training.patience_epochs > 0 && without_better >= config.training.patience_epochs {
-            observe(Event::NoBetter(without_better));
-            break;
-        }
         let report = match training.epoch(&mut state) {
             Ok(Some(report)) => report,
             stopped => {

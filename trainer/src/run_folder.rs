@@ -36,8 +36,8 @@ pub const METRICS: &str = "metrics.jsonl";
 
 impl RunFolder {
     /// Opens a folder for a run. A new or empty folder begins a run; a folder with a run of this recipe is resumed if
-    /// `resume` is set; anything else is refused and not changed. (Epochs and patience may differ, because they only
-    /// affect when training ends. With a cosine schedule the number of epochs affects the steps and must not differ.)
+    /// `resume` is set; anything else is refused and not changed. (Epochs may differ, because they only affect when
+    /// training ends. With a cosine schedule their number affects the steps and must not differ.)
     ///
     /// # Errors
     /// If the folder is refused or in use, or cannot be read or written.
@@ -200,9 +200,7 @@ fn check_config(begun_with: &Config, config: &Config, path: &Path) -> Result<(),
     let names: BTreeSet<&String> = was.keys().chain(is.keys()).collect();
     let other: Vec<String> = names
         .into_iter()
-        .filter(|key| {
-            key.as_str() != "training.patience_epochs" && (key.as_str() != "training.epochs" || epochs_shape_steps)
-        })
+        .filter(|key| key.as_str() != "training.epochs" || epochs_shape_steps)
         .filter(|key| was.get(*key) != is.get(*key))
         .map(|key| {
             let why = if key == "training.epochs" { ": a cosine schedule depends on it" } else { "" };

@@ -59,10 +59,6 @@ impl Screen {
                     self.line(&format!("estimate  {} to go", HumanDuration(self.bar.eta())));
                 }
             }
-            Event::NoBetter(epochs) => {
-                let plural = if *epochs == 1 { "" } else { "s" };
-                self.line(&format!("ended early: no better test accuracy in {epochs} epoch{plural}"));
-            }
             Event::Epoch(report) => self.line(&epoch_line(report, self.config.training.epochs)),
         }
     }
