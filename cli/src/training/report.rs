@@ -7,7 +7,7 @@ use std::path::Path;
 use program::{Context, Failure, json, write};
 use report::document::{Block, Cell, Document, Table};
 use trainer::evaluate::Evaluation;
-use trainer::judge::scores::{HandScores, Scores};
+use trainer::judge::scores::HandScores;
 use trainer::metrics::Summary;
 use trainer::scores::{BINS, GraspErrors, Spread};
 
@@ -27,8 +27,6 @@ pub(crate) fn document(evaluation: &Evaluation) -> Document {
     let mut blocks = vec![Block::Table(numbers(evaluation))];
     let mut add = |title: &str, table| blocks.extend([Block::Heading(title.to_owned()), Block::Table(table)]);
     if let Some(hands) = &evaluation.hands {
-        add("By source", groups("source", &hands.by_source));
-        add("By views", groups("views", &hands.by_views));
         add("By outcome", kinds("outcome", &hands.by_outcome));
     }
     add("By shape", kinds("shape", &evaluation.by_shape));
@@ -95,17 +93,6 @@ fn of_hands(hands: &HandScores) -> Vec<Vec<Cell>> {
         rows.push(row(what, format!("{error}; of the mean for all {of_mean}")));
     }
     rows
-}
-
-fn groups(title: &str, groups: &BTreeMap<&'static str, Scores>) -> Table {
-    let head = [title, "samples", "held", "accuracy", "area under ROC", "average precision", "calibration error"];
-    let rows = groups.iter().map(|(name, scores)| {
-        let Scores { all, roc_auc, average_precision, calibration_error } = scores;
-        let held = all.baseline_accuracy.map(|failed| 1.0 - failed);
-        let numbers = [held, all.accuracy, *roc_auc, *average_precision, Some(*calibration_error)];
-        counted(*name, all.samples, numbers.map(number))
-    });
-    Table::new(head, rows)
 }
 
 fn kinds(title: &str, summaries: &BTreeMap<&'static str, Summary>) -> Table {

@@ -3,10 +3,9 @@
 use std::collections::BTreeMap;
 
 use network::checkpoint::Confusion;
-use schema::Approach;
 use serde::Serialize;
 
-use super::sample::{Found, Sample, SampleResult};
+use super::sample::{Found, SampleResult};
 use crate::metrics::{Summary, Tally, summaries};
 use crate::scores::{Ranking, Score, average_precision_by_scene, calibration, ranking, score};
 
@@ -17,10 +16,6 @@ pub struct HandScores {
     pub table_free: Scores,
     /// 95 % interval of their average precision by bootstrap over scenes.
     pub average_precision_95_by_scene: Option<(f64, f64)>,
-    /// By the way in which the hand was drawn.
-    pub by_source: BTreeMap<&'static str, Scores>,
-    /// By the number of views.
-    pub by_views: BTreeMap<&'static str, Scores>,
     /// Scenes in which some attempt held.
     pub scenes_with_held: usize,
     /// Of these, the share in which the attempt of the highest quality held.
@@ -85,14 +80,6 @@ impl Scores {
         all.add(results);
         Self { all: all.summary(), roc_auc, average_precision, calibration_error }
     }
-
-    fn by<K: Ord>(results: impl Iterator<Item = (K, SampleResult)>) -> BTreeMap<K, Self> {
-        let mut groups = BTreeMap::<K, Vec<SampleResult>>::new();
-        for (key, result) in results {
-            groups.entry(key).or_default().push(result);
-        }
-        groups.into_iter().map(|(key, results)| (key, Self::of(&results))).collect()
-    }
 }
 
 pub(super) fn hand_scores(found: &[Found]) -> HandScores {
@@ -111,20 +98,9 @@ pub(super) fn hand_scores(found: &[Found]) -> HandScores {
     let best_held = scenes.values().filter(|(_, best)| best.held).count();
     let (held, failed) = (best_held as u64, (with_held - best_held) as u64);
     let counts = Confusion { true_positive: held, false_positive: failed, ..Confusion::default() };
-    let source = |sample: &Sample| match sample.id.rule.approach {
-        Approach::Axis(_) => "rules",
-        approach => approach.name(),
-    };
-    let views = |sample: &Sample| match sample.data.views {
-        ..=1 => "1 view",
-        2 => "2 views",
-        _ => "3 views or more",
-    };
     HandScores {
         table_free: Scores::of(&free().map(|(_, result)| *result).collect::<Vec<_>>()),
         average_precision_95_by_scene: average_precision_by_scene(&of_scenes),
-        by_source: Scores::by(found.iter().map(|(sample, result)| (source(sample), *result))),
-        by_views: Scores::by(found.iter().map(|(sample, result)| (views(sample), *result))),
         scenes_with_held: with_held,
         best_held: (with_held > 0).then(|| best_held as f64 / with_held as f64),
         best_held_95: (with_held > 0).then(|| counts.interval()),
