@@ -43,16 +43,12 @@ impl FromStr for DeviceName {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let unknown = || format!("a device is cpu, wgpu or wgpu:N, not {text:?}");
-        let (kind, number) = match text.split_once(':') {
-            Some((kind, number)) => (kind, Some(number.parse().map_err(|_| unknown())?)),
-            None => (text, None),
+        let number = match text.strip_prefix("wgpu") {
+            None if text == "cpu" => return Ok(Self::Cpu),
+            Some("") => Some(0),
+            rest => rest.and_then(|rest| rest.strip_prefix(':')?.parse().ok()),
         };
-        match (kind, number) {
-            ("cpu", None) => Ok(Self::Cpu),
-            ("wgpu", number) => Ok(Self::Wgpu(number.unwrap_or(0))),
-            _ => Err(unknown()),
-        }
+        number.map(Self::Wgpu).ok_or_else(|| format!("a device is cpu, wgpu or wgpu:N, not {text:?}"))
     }
 }
 
@@ -65,14 +61,7 @@ impl DeviceName {
         let Self::Wgpu(number) = self else { return Ok(Device::Host) };
         let text = match wgpu() {
             Some(mut devices) if number < devices.len() => return Ok(devices.swap_remove(number)),
-            Some(devices) => {
-                let found = match devices.len() {
-                    0 => "none was".to_owned(),
-                    1 => "one was".to_owned(),
-                    count => format!("{count} were"),
-                };
-                format!("there is no device {self}: {found} found")
-            }
+            Some(devices) => format!("there is no device {self}: the machine has {}", devices.len()),
             None => {
                 "this program was built without wgpu: cargo build --release -p graspmill --features wgpu makes one \
                      that has it"

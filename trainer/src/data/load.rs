@@ -1,7 +1,7 @@
 //! From shards to samples.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use network::receptive_field::RESOLUTION;
 use program::{ExitCode, Failure};
@@ -29,12 +29,11 @@ pub struct GraspDataset<'a, M: Method> {
 }
 
 impl<'a, M: Method> GraspDataset<'a, M> {
-    /// Reads every attempt, but no grid, and marks how it ended. Shards are read in parallel; after a failed shard no
-    /// later ones are read. Files are checked against the manifest's checksums. `scene_done` is called once per scene,
-    /// from any thread.
+    /// Reads every attempt, but no grid, and marks how it ended. Shards are read in parallel. Files are checked against
+    /// the manifest's checksums. `scene_done` is called once per scene, from any thread.
     ///
     /// # Errors
-    /// If a dataset cannot be read or trained on, or `stop` is set; the first error in the order of shards.
+    /// If a dataset cannot be read or trained on, or `stop` is set.
     pub fn survey(
         datasets: &'a [Dataset],
         method: M,
@@ -42,20 +41,10 @@ impl<'a, M: Method> GraspDataset<'a, M> {
         scene_done: &(dyn Fn() + Sync),
     ) -> Result<Self, Failure> {
         let shards = Shard::all::<M>(datasets)?;
-        let failed = AtomicUsize::new(usize::MAX); // the first shard that failed
-        let survey = |(number, shard): (usize, &Shard<'_>)| {
-            if failed.load(Ordering::Relaxed) < number {
-                return Err(stopped()); // after the failure, so the result is not used
-            }
-            shard.survey(&method, stop, scene_done).inspect_err(|_| {
-                failed.fetch_min(number, Ordering::Relaxed);
-            })
-        };
-        let surveyed: Vec<Result<_, Failure>> = shards.par_iter().enumerate().map(survey).collect();
-        let surveyed: Vec<(SplitBits, u64)> = surveyed.into_iter().collect::<Result<_, _>>()?;
-        let outside = surveyed.iter().map(|(_, outside)| outside).sum();
-        let marks = surveyed.into_iter().map(|(marks, _)| marks).collect();
-        Ok(Self { shards, method, marks, outside, kept: BTreeMap::new() })
+        let survey = |shard: &Shard<'_>| shard.survey(&method, stop, scene_done);
+        let (marks, outside): (_, Vec<u64>) =
+            shards.par_iter().map(survey).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        Ok(Self { shards, method, marks, outside: outside.iter().sum(), kept: BTreeMap::new() })
     }
 
     /// The place among all shards of the one that has a scene.
