@@ -155,17 +155,6 @@ impl Architecture {
         }
     }
 
-    /// What belongs to the paper's network.
-    ///
-    /// # Errors
-    /// If this is another network; `what` needs the paper's.
-    pub fn voxel(&self, what: &str) -> Result<VoxelParams, Failure> {
-        match self {
-            Self::Voxel(params) => Ok(*params),
-            Self::Judge(_) => Err(self.kind().refused(what, Kind::Voxel)),
-        }
-    }
-
     /// What a judge answers for.
     ///
     /// # Errors

@@ -16,8 +16,8 @@ use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensorError, SafeTensors};
 use sha2::{Digest as _, Sha256};
 
+use crate::Architecture;
 use crate::layers::{ParameterSlot, parameter_slots, vector_of};
-use crate::{Architecture, DenseNetwork, VoxelParams};
 
 use header::Stored;
 pub use progress::{Confusion, Progress};
@@ -50,17 +50,6 @@ pub struct Moments {
     pub second: Vec<f32>,
     /// The parameters from which the next step goes on, where those of the network are their running mean.
     pub point: Option<Vec<f32>>,
-}
-
-impl Checkpoint {
-    /// A network of voxels, prepared for inference.
-    ///
-    /// # Errors
-    /// If these are another network's parameters.
-    pub fn dense(&self) -> Result<DenseNetwork, Failure> {
-        let VoxelParams { head, upsampling, .. } = self.architecture.voxel("detection")?;
-        Ok(DenseNetwork::new(&self.vector, upsampling, head))
-    }
 }
 
 /// Maximum size of a file: with the optimiser's moments the network has 4 MB.
@@ -176,16 +165,7 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, Failure> {
 
 /// The flat vector of the tensors whose names begin with `prefix`.
 fn vector(tensors: &SafeTensors<'_>, slots: &[ParameterSlot], prefix: &str, path: &Path) -> Result<Vec<f32>, Failure> {
-    let values = |slot: &ParameterSlot| {
-        let name = format!("{prefix}{}", slot.name);
-        let view = tensors.tensor(&name).map_err(|_| format!("{name} is missing"))?;
-        let (kind, shape, expected) = (view.dtype(), view.shape(), &slot.shape);
-        if kind != Dtype::F32 || shape != expected {
-            return Err(format!("{name} must be F32 of shape {expected:?}, got {kind:?} of shape {shape:?}"));
-        }
-        Ok(view.data().as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect())
-    };
-    vector_of(slots, values).map_err(|mut problems| {
+    vector_of(tensors, slots, prefix).map_err(|mut problems| {
         problems.truncate(PROBLEMS_MAX);
         of_another_network(&problems, path)
     })
@@ -201,11 +181,11 @@ mod tests {
     use schema::{Grid, Gripper};
 
     use super::*;
-    use crate::GraspOrigin;
     use crate::head::Head;
     use crate::judge::Scope;
     use crate::layers::initial_vector;
     use crate::upsampling::Upsampling;
+    use crate::{GraspOrigin, VoxelParams};
 
     #[test]
     fn a_checkpoint_comes_back_and_equal_ones_make_equal_files() {
@@ -285,8 +265,9 @@ mod tests {
         save(&judge, &path).unwrap();
         let back = read(&path).unwrap();
         assert_eq!(back, judge);
-        let message = back.dense().unwrap_err().to_string();
-        assert!(message.contains("the weights are those of a judge, which answers for hands"), "{message}");
+        let other = Architecture::Voxel(VoxelParams::at_tips(Upsampling::Linear));
+        let message = other.scope("this").unwrap_err().to_string();
+        assert!(message.starts_with("this needs a judge") && message.ends_with("answers for voxels"), "{message}");
     }
 
     proptest! {

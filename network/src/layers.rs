@@ -1,6 +1,7 @@
 //! The nine convolutions of the network as a table (paper Fig. 1; VGN, `networks.py`), and the flat vector of all their
 //! parameters for optimisers and files.
 
+use safetensors::{Dtype, SafeTensors};
 use schema::{Purpose, Stream};
 
 /// A 3-D convolution with a cubic kernel, padded by half the kernel with zeros. With a kernel of 1 it is also a product
@@ -104,28 +105,30 @@ pub fn slots_of(layers: &[LayerShape]) -> Vec<ParameterSlot> {
     slots
 }
 
-/// The flat vector of the values that a file has for each parameter, or everything that is wrong with them.
+/// The flat vector of the tensors whose names begin with `prefix`, or everything that is wrong with them.
 pub(crate) fn vector_of(
+    tensors: &SafeTensors<'_>,
     slots: &[ParameterSlot],
-    values: impl Fn(&ParameterSlot) -> Result<Vec<f32>, String>,
+    prefix: &str,
 ) -> Result<Vec<f32>, Vec<String>> {
     let (mut vector, mut problems) = (Vec::new(), Vec::new());
-    for slot in slots {
-        match values(slot) {
-            Ok(values) => vector.extend(values),
-            Err(problem) => problems.push(problem),
+    for ParameterSlot { name, shape: expected, .. } in slots {
+        let name = format!("{prefix}{name}");
+        match tensors.tensor(&name) {
+            Ok(view) if view.dtype() == Dtype::F32 && view.shape() == expected => {
+                vector.extend(view.data().as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)));
+            }
+            Ok(view) => {
+                let (kind, shape) = (view.dtype(), view.shape());
+                problems.push(format!("{name} must be F32 of shape {expected:?}, got {kind:?} of shape {shape:?}"));
+            }
+            Err(_) => problems.push(format!("{name} is missing")),
         }
     }
     if problems.is_empty() { Ok(vector) } else { Err(problems) }
 }
 
-/// Number of trainable parameters: 313,238 for the paper's network.
-#[must_use]
-pub fn parameter_count() -> usize {
-    count_of(&LAYERS)
-}
-
-/// Number of parameters of some layers.
+/// Number of parameters of some layers: 313,238 for the paper's network.
 pub(crate) fn count_of(layers: &[LayerShape]) -> usize {
     layers.iter().map(|layer| layer.weight_count() + layer.channels_out).sum()
 }
@@ -170,7 +173,7 @@ mod tests {
             assert_eq!(slot.start, end, "{}", slot.name);
             end += slot.len;
         }
-        assert_eq!(end, parameter_count());
+        assert_eq!(end, count_of(&LAYERS));
         assert_eq!(end, 2_016 + 13_856 + 55_360 + 110_656 + 55_328 + 64_016 + 2_001 + 8_004 + 2_001);
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use grasps::{Judge, ObservedScene};
-use network::{Architecture, checkpoint};
+use network::{Architecture, DenseNetwork, VoxelParams, checkpoint};
 use program::Failure;
 use schema::{Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
 
@@ -129,8 +129,9 @@ impl Planner {
             return Err(got.refused(&what, needed));
         }
         let method: Arc<dyn Method> = match &checkpoint.architecture {
-            Architecture::Voxel(params) => {
-                Arc::new(VoxelMethod { network: checkpoint.dense()?, origin: params.origin, grid })
+            Architecture::Voxel(VoxelParams { head, upsampling, origin }) => {
+                let network = DenseNetwork::new(&checkpoint.vector, *upsampling, *head);
+                Arc::new(VoxelMethod { network, origin: *origin, grid })
             }
             Architecture::Judge(_) => {
                 Arc::new(JudgeMethod { judge: Judge::new(&checkpoint, &config.gripper, &grid)?, grid })

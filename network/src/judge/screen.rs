@@ -46,12 +46,7 @@ impl Screen {
     /// What is wrong with it.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Vec<String>> {
         let file = SafeTensors::deserialize(bytes).map_err(|error| vec![error.to_string()])?;
-        let vector = vector_of(&slots_of(&LAYERS), |slot| {
-            let tensor = file.tensor(&slot.name).map_err(|error| error.to_string())?;
-            let values = tensor.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
-            let values: Vec<f32> = values.collect();
-            if values.len() == slot.len { Ok(values) } else { Err(format!("{}: {} values", slot.name, values.len())) }
-        })?;
+        let vector = vector_of(&file, &slots_of(&LAYERS), "")?;
         Ok(Self { parameters: Parameters::from_vector(&LAYOUT, &vector) })
     }
 

@@ -153,7 +153,7 @@ impl Parameters {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layers::{parameter_count, parameter_slots};
+    use crate::layers::{LAYERS, parameter_slots};
 
     #[test]
     fn a_vector_comes_back_and_every_parameter_has_its_own_place() {
@@ -170,7 +170,7 @@ mod tests {
     fn weights_lie_where_products_look_for_them() {
         let slot = &parameter_slots()[8];
         assert_eq!(slot.name, "decoder.conv2.weight");
-        let mut vector = vec![0.0; parameter_count()];
+        let mut vector = vec![0.0; count_of(&LAYERS)];
         vector[slot.start + (3 * 64 + 5) * 27 + 2 * 9 + 1] = 1.0;
         let parameters = Parameters::from_vector(voxel_layout(Head::Quaternion), &vector);
         let (tap, place, run) = (6, 64 + 5, 3 * 64);
