@@ -140,7 +140,7 @@ settings! {
         pub schedule: Schedule; or Schedule::Constant,
         /// Share of the running mean of the weights that stays in a step; the mean is tested and saved. 0 for none, the
         /// paper's.
-        #[serde(skip_serializing_if = "is_zero")]
+        #[serde(skip_serializing_if = "is_default")]
         pub average_decay: f64 where 0.0..=0.99999; or 0.0,
         /// Samples of one scene that stay together in the order of an epoch: 1 is a plain shuffle; more share the
         /// encoder's work and make batches less mixed.
@@ -152,8 +152,8 @@ settings! {
 }
 
 /// What is not stored, so that runs from before it can be resumed.
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
+pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 settings! {

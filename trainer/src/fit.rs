@@ -211,12 +211,6 @@ pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Devic
         config::Method::Judge if *device != Device::Host => {
             Err(Failure::new(ExitCode::Config, "a judge is trained on the host: --device cpu"))
         }
-        // Samples have two bytes for the number of their hand.
-        config::Method::Judge if hands.len() > 1 + usize::from(u16::MAX) => {
-            let (most, got) = (1 + u32::from(u16::MAX), hands.len());
-            let text = format!("a judge can be trained on at most {most} hands, the data have {got}");
-            Err(Failure::new(ExitCode::Config, text))
-        }
         config::Method::Judge => Ok(Architecture::Judge(Box::new(scope))),
     }
 }

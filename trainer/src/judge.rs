@@ -48,7 +48,7 @@ impl Method for Judge {
             let AttemptRecord { scene_id, workspace_from_grasp, outcome, robustness, .. } = *attempt;
             let crop = shard.first_hand + (scene_id % count) as usize;
             let data = JudgeSample {
-                crop: crop as u16,
+                crop: crop as u32, // datasets have far fewer hands
                 workspace_from_grasp,
                 views: views as u8,
                 mirrored: [false; 2],

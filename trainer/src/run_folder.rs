@@ -137,10 +137,7 @@ impl SavedAs {
     /// Its path in a run's folder.
     #[must_use]
     pub fn path(self, run: &Path) -> PathBuf {
-        run.join(match self {
-            Self::Best => "best.safetensors",
-            Self::Last => "last.safetensors",
-        })
+        run.join(format!("{}.safetensors", self.name()))
     }
 }
 

@@ -14,7 +14,7 @@ pub(super) type Found = results::Found<JudgeSample, JudgeAnswer>;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JudgeSample {
     /// Which of the hands it is.
-    pub crop: u16,
+    pub crop: u32,
     /// The grasp.
     pub workspace_from_grasp: Pose,
     /// Number of views from which the scene's TSDF was made.

@@ -64,7 +64,7 @@ fn inputs(batch: &Batch<JudgeSample>, asked: &[Sample], crops: &[Crop]) -> Judge
         let side = (values.len() as f64).cbrt().round() as usize;
         let grid = PaddedGrid::new(Vec3::ZERO, [side; 3], values);
         for JudgeSample { workspace_from_grasp, views, mirrored, crop, .. } in own.iter().map(|sample| sample.data) {
-            inputs.push(&crops[usize::from(crop)], &grid, &workspace_from_grasp, views.into(), mirrored);
+            inputs.push(&crops[crop as usize], &grid, &workspace_from_grasp, views.into(), mirrored);
         }
     }
     inputs

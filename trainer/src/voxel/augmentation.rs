@@ -31,17 +31,11 @@ settings! {
         /// Turns by 0°, 90°, 180° or 270° about the vertical, each as likely.
         pub quarter_turns: bool; or false,
         /// Mirrored in a vertical plane, or not, each as likely.
-        #[serde(skip_serializing_if = "is_off")]
+        #[serde(skip_serializing_if = "crate::config::is_default")]
         pub mirrors: bool; or false,
         /// Most voxels by which a scene is shifted up or down.
         pub shift_z_voxels_max: usize where 0..=RESOLUTION - 1; or 0,
     }
-}
-
-/// What is not stored, so that runs from before it can be resumed.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
-fn is_off(value: &bool) -> bool {
-    !value
 }
 
 impl Augmentation {
