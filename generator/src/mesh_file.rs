@@ -17,8 +17,10 @@ use crate::mesh::{CORNERS_MAX, Mesh, TRIANGLES_MAX};
 
 /// Supported file extensions, in lower case.
 pub(crate) const ENDINGS: [&str; 4] = ["obj", "stl", "ply", "glb"];
-/// Their readers.
-pub(crate) const READERS: [fn(&[u8]) -> Result<Parts, String>; 4] = [obj, stl, ply, glb];
+/// Reads a file's bytes.
+type ReadMesh = fn(&[u8]) -> Result<Parts, String>;
+/// The reader of each ending.
+pub(crate) const READERS: [ReadMesh; 4] = [obj, stl, ply, glb];
 
 /// Maximum file size.
 pub(crate) const BYTES_MAX: u64 = 1 << 30;

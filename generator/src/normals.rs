@@ -50,7 +50,7 @@ struct Target {
 impl Target {
     fn of(object: &SceneObject) -> Self {
         let (parts, radius_m) = (object.body.polyhedra(), object.body.bounding_radius_m());
-        Self { parts, radius_m, workspace_from_object: object.workspace_from_object }
+        Self { parts: parts.to_vec(), radius_m, workspace_from_object: object.workspace_from_object }
     }
 }
 

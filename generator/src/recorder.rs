@@ -255,9 +255,10 @@ impl Watcher for Recorder<'_> {
 }
 
 fn blocked(gripper: &Gripper, distance_m: f32, obstruction: &Obstruction) -> Blocked {
-    let what = match obstruction.hit.object_id {
-        Some(id) => format!("object {id}"),
-        None => "the table".to_owned(),
+    let what = match (obstruction.hit.object_id, obstruction.hit.kind) {
+        (Some(id), _) => format!("object {id}"),
+        (None, HitKind::Container) => "the container".to_owned(),
+        (None, _) => "the table".to_owned(),
     };
     let (part, clearance_mm) = (HAND[obstruction.part], gripper.clearance_m * 1000.0);
     let is_before = obstruction.outcome == Outcome::PregraspCollision;

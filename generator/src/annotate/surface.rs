@@ -57,7 +57,7 @@ impl Surface {
             sum_m2 += 0.5 * (b - a).cross(c - a).length();
             sum_m2
         });
-        Self { areas_m2: areas_m2.collect(), parts, triangles }
+        Self { areas_m2: areas_m2.collect(), parts: parts.to_vec(), triangles }
     }
 
     /// The point that three numbers from 0 to 1 stand for, uniform by area; `None` if it is inside another part.
