@@ -97,8 +97,6 @@ impl Setting for Models {
         read.map_err(|problems| problems.into_iter().for_each(|problem| reader.report(problem))).ok()
     }
 
-    fn check(&self, (): &(), _: &mut Reader<'_>) {}
-
     fn written(&self) -> Option<String> {
         self.stored.is_empty().then(|| "left out".to_owned())
     }

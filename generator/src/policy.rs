@@ -47,8 +47,6 @@ impl Setting for Policy {
         let (checkpoint, sha256) = read.map_err(|failure| reader.report(format_args!("policy: {failure}"))).ok()?;
         Some(Self { checkpoint: Arc::new(checkpoint), sha256 })
     }
-
-    fn check(&self, (): &(), _: &mut Reader<'_>) {}
 }
 
 /// Written as the digest of its file.

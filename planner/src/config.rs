@@ -313,7 +313,7 @@ mod tests {
         let missing = problems(&BuiltIn::Paper.text().replace("pitch_m = 0.0025", ""));
         assert!(missing[0].starts_with("cloud.pitch_m is missing"), "{missing:?}");
         let negative = problems(&BuiltIn::Paper.text().replace("points_max = 5", "points_max = -5"));
-        assert_eq!(negative, ["collision.points_max must be between 0 and 1000000, got -5"]);
+        assert_eq!(negative, ["collision.points_max must be a whole number between 0 and 1000000, got -5"]);
         let closing = problems(&BuiltIn::Paper.text().replace("closing = \"predicted\"", "closing = \"left\""));
         assert_eq!(closing, ["detection.closing must be one of predicted, seen, got left"]);
         assert_eq!(

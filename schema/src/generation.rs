@@ -173,13 +173,13 @@ mod tests {
     #[test]
     fn views_that_cannot_be_name_every_fault() {
         assert_eq!(faults_of(&ViewParams::VGN, "views"), [""; 0]);
-        let params = ViewParams { counts: [0, 3], radius_sizes: [2.0, 1.5], polar_rad: [-0.1, f32::NAN] };
+        let params = ViewParams { counts: [0, 3], radius_sizes: [2.0, 1.5], polar_rad: [-0.125, f32::NAN] };
         assert_eq!(
             faults_of(&params, "views"),
             [
                 "views.counts must be a range [low, high] within [1, 100], got [0, 3]",
-                "views.radius_sizes must be a range [low, high] within [1, 100], got [2, 1.5]",
-                "views.polar_rad must be a range [low, high] within [0, 1.5707964], got [-0.1, NaN]",
+                "views.radius_sizes must be a range [low, high] within [1, 100], got [2.0, 1.5]",
+                "views.polar_rad must be a range [low, high] within [0, 1.5707964], got [-0.125, nan]",
             ]
         );
     }

@@ -353,7 +353,7 @@ mod tests {
         let bad = PAPER.replace("palm_width_m = ", "palm_width_m = \"x\" #").replace("clearance_m", "clearances_m");
         let message = Gripper::from_toml(&bad).unwrap_err().to_string();
         for told in [
-            "gripper.palm_width_m must be a number, got \"x\"",
+            "gripper.palm_width_m must be a number between 0.001 and 0.5, got \"x\"",
             "gripper.clearances_m is an unknown key, did you mean clearance_m?",
             "gripper.clearance_m is missing: a number between 0 and 0.02",
         ] {

@@ -122,10 +122,6 @@ impl Setting for Hands {
         }
         problem.is_none().then_some(Self(hands))
     }
-
-    fn check(&self, (): &(), reader: &mut Reader<'_>) {
-        self.0.iter().for_each(|hand| hand.check(&(), reader));
-    }
 }
 
 impl Hands {

@@ -123,10 +123,8 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 
 /// The values out of range in settings that were not read from a document; `path` is their path.
 #[must_use]
-pub fn faults_of<T: Setting<Limits = ()>>(settings: &T, path: &str) -> Vec<String> {
-    let mut reader = Reader::new(Path::new(""), path);
-    settings.check(&(), &mut reader);
-    reader.into_faults()
+pub fn faults_of<T: Setting<Limits = ()> + Serialize>(settings: &T, path: &str) -> Vec<String> {
+    read_stored::<T>(settings, path).err().unwrap_or_default()
 }
 
 /// Reads stored settings, in JSON or another serde format; `path` is their path.

@@ -58,9 +58,6 @@ pub trait Number: Copy + PartialOrd + Display {
     /// The range of all its finite values.
     const ALL: RangeInclusive<Self>;
 
-    /// Whether the value has this type, in range or not.
-    fn is_kind(value: &Value) -> bool;
-
     /// The number in a value, if the type can hold it.
     fn of(value: &Value) -> Option<Self>;
 }
@@ -70,10 +67,6 @@ macro_rules! whole {
         impl Number for $name {
             const KIND: &'static str = "a whole number";
             const ALL: RangeInclusive<Self> = Self::MIN..=Self::MAX;
-
-            fn is_kind(value: &Value) -> bool {
-                value.is_integer()
-            }
 
             fn of(value: &Value) -> Option<Self> {
                 Self::try_from(value.as_integer()?).ok()
@@ -89,10 +82,6 @@ macro_rules! real {
         impl Number for $name {
             const KIND: &'static str = "a number";
             const ALL: RangeInclusive<Self> = Self::MIN..=Self::MAX;
-
-            fn is_kind(value: &Value) -> bool {
-                value.is_float() || value.is_integer()
-            }
 
             fn of(value: &Value) -> Option<Self> {
                 value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64)).map(|number| number as Self)

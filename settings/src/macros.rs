@@ -65,14 +65,6 @@ macro_rules! settings {
                 Some(read)
             }
 
-            fn check(&self, (): &(), reader: &mut $crate::Reader<'_>) {
-                $(
-                    let limits = $crate::settings!(@limits $type $(, $limits)?);
-                    reader.within(stringify!($key), |reader| $crate::Setting::check(&self.$key, &limits, reader));
-                )*
-                $(if reader.is_sound() { $check(self, reader); })?
-            }
-
             fn add_rows(prefix: &str, default: Option<&Self>, rows: &mut Vec<$crate::Row>) -> bool {
                 $(
                     let key = format!("{prefix}{}", stringify!($key));
@@ -176,8 +168,6 @@ macro_rules! words {
                 }
                 found
             }
-
-            fn check(&self, (): &(), _: &mut $crate::Reader<'_>) {}
 
             fn written(&self) -> Option<String> {
                 Some(format!("{:?}", self.name()))

@@ -29,9 +29,6 @@ pub trait Setting: Sized {
     /// Reads a value; `None` after a fault.
     fn read(value: &Value, limits: &Self::Limits, reader: &mut Reader<'_>) -> Option<Self>;
 
-    /// Reports values out of range in a setting that was not read.
-    fn check(&self, limits: &Self::Limits, reader: &mut Reader<'_>);
-
     /// The value as files have it, for the reference; tables have none.
     fn written(&self) -> Option<String> {
         None
@@ -60,19 +57,14 @@ impl<T: Number> Setting for T {
     }
 
     fn read(value: &Value, limits: &Limits<T>, reader: &mut Reader<'_>) -> Option<Self> {
-        match T::of(value) {
-            Some(number) if limits.hold(number) => return Some(number),
-            Some(number) => number.check(limits, reader),
-            None if T::is_kind(value) => reader.misfit(limits.text(), value),
-            None => reader.misfit(T::KIND, value),
+        let number = T::of(value);
+        let fitting = number.filter(|number| limits.hold(*number));
+        match (fitting, number) {
+            (Some(_), _) => {}
+            (None, Some(number)) => reader.fault(format_args!("must be {}, got {number}", limits.text())),
+            (None, None) => reader.misfit(Self::kind(limits), value),
         }
-        None
-    }
-
-    fn check(&self, limits: &Limits<T>, reader: &mut Reader<'_>) {
-        if !limits.hold(*self) {
-            reader.fault(format_args!("must be {}, got {self}", limits.text()));
-        }
+        fitting
     }
 
     fn written(&self) -> Option<String> {
@@ -97,8 +89,6 @@ macro_rules! plain {
                 found
             }
 
-            fn check(&self, (): &(), _: &mut Reader<'_>) {}
-
             fn written(&self) -> Option<String> {
                 Some(format!("{self:?}"))
             }
@@ -119,10 +109,6 @@ impl<T: Setting> Setting for Option<T> {
 
     fn read(value: &Value, limits: &T::Limits, reader: &mut Reader<'_>) -> Option<Self> {
         T::read(value, limits, reader).map(Some)
-    }
-
-    fn check(&self, limits: &T::Limits, reader: &mut Reader<'_>) {
-        self.iter().for_each(|inner| inner.check(limits, reader));
     }
 
     fn written(&self) -> Option<String> {
@@ -153,10 +139,6 @@ impl<T: Setting> Setting for Vec<T> {
         read.into_iter().collect()
     }
 
-    fn check(&self, limits: &T::Limits, reader: &mut Reader<'_>) {
-        self.iter().for_each(|inner| inner.check(limits, reader));
-    }
-
     fn written(&self) -> Option<String> {
         listed(self)
     }
@@ -174,68 +156,30 @@ fn listed<T: Setting>(values: &[T]) -> Option<String> {
     Some(format!("[{}]", values.join(", ")))
 }
 
-/// A range: two numbers, the lower one first.
-impl<T: Number> Setting for [T; 2] {
+/// Two numbers are a range, the lower one first; three are one for each axis, and four are a quaternion.
+impl<T: Number, const COUNT: usize> Setting for [T; COUNT] {
     type Limits = Limits<T>;
 
     fn kind(limits: &Limits<T>) -> String {
-        format!("a range [low, high] within {}", limits.interval())
+        match COUNT {
+            2 => format!("a range [low, high] within {}", limits.interval()),
+            3 => format!("three values, each {}", T::kind(limits)),
+            _ => format!("four values, each {}", T::kind(limits)),
+        }
     }
 
     fn read(value: &Value, limits: &Limits<T>, reader: &mut Reader<'_>) -> Option<Self> {
         let numbers: Option<Vec<T>> = value.as_array().and_then(|values| values.iter().map(T::of).collect());
-        match numbers.as_deref() {
-            Some(&[low, high]) if limits.hold(low) && limits.hold(high) && low <= high => Some([low, high]),
-            _ => {
-                reader.misfit(format_args!("a range [low, high] within {}", limits.interval()), value);
-                None
-            }
+        let fitting = numbers.and_then(|numbers| Self::try_from(numbers).ok());
+        let fitting = fitting.filter(|numbers| numbers.iter().all(|number| limits.hold(*number)));
+        let fitting = fitting.filter(|numbers| COUNT != 2 || numbers.is_sorted());
+        if fitting.is_none() {
+            reader.misfit(Self::kind(limits), value);
         }
-    }
-
-    fn check(&self, limits: &Limits<T>, reader: &mut Reader<'_>) {
-        let [low, high] = *self;
-        if !(limits.hold(low) && limits.hold(high) && low <= high) {
-            let within = limits.interval();
-            reader.fault(format_args!("must be a range [low, high] within {within}, got [{low}, {high}]"));
-        }
+        fitting
     }
 
     fn written(&self) -> Option<String> {
         listed(self)
     }
 }
-
-macro_rules! numbers {
-    ($count:literal, $word:literal) => {
-        impl<T: Number> Setting for [T; $count] {
-            type Limits = Limits<T>;
-
-            fn kind(limits: &Limits<T>) -> String {
-                format!(concat!($word, " values, each {}"), T::kind(limits))
-            }
-
-            fn read(value: &Value, limits: &Limits<T>, reader: &mut Reader<'_>) -> Option<Self> {
-                let numbers: Option<Vec<T>> = value.as_array().and_then(|values| values.iter().map(T::of).collect());
-                let fitting = numbers.and_then(|numbers| Self::try_from(numbers).ok());
-                let fitting = fitting.filter(|numbers| numbers.iter().all(|number| limits.hold(*number)));
-                if fitting.is_none() {
-                    reader.misfit(Self::kind(limits), value);
-                }
-                fitting
-            }
-
-            fn check(&self, limits: &Limits<T>, reader: &mut Reader<'_>) {
-                self.iter().for_each(|number| number.check(limits, reader));
-            }
-
-            fn written(&self) -> Option<String> {
-                listed(self)
-            }
-        }
-    };
-}
-
-// One number for each axis, or for each part of a quaternion; two are a range.
-numbers!(3, "three");
-numbers!(4, "four");

@@ -100,8 +100,8 @@ fn missing_and_misfit_values_name_what_is_wanted() {
     assert_eq!(
         faults("share = \"much\"\ncount = -1\ninner = 3"),
         [
-            "count must be between 1 and 10, got -1",
-            "share must be a number, got \"much\"",
+            "count must be a whole number between 1 and 10, got -1",
+            "share must be a number above 0 and at most 0.5, got \"much\"",
             "colour is missing: one of red, blue",
             "inner must be a table, got 3",
         ]
@@ -149,7 +149,7 @@ fn stored_settings_are_held_to_the_same_rows() {
     let stored = |all: &All| toml::Table::try_from(all).unwrap();
     assert_eq!(read_stored::<All>(&stored(&all), "config").unwrap(), all);
     all.inner.size_m = [0.5, 1e6];
-    let told = ["config.inner.size_m must be a range [low, high] within [0.1, 2], got [0.5, 1000000]"];
+    let told = ["config.inner.size_m must be a range [low, high] within [0.1, 2], got [0.5, 1000000.0]"];
     assert_eq!(faults_of(&all, "config"), told);
     assert_eq!(read_stored::<All>(&stored(&all), "config").unwrap_err().len(), 1);
     // Another version's: fewer keys and others.

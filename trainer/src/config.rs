@@ -264,8 +264,6 @@ impl Setting for Config {
         Some(Self { seed, from: network.from, method: method?, training, split, checkpoint })
     }
 
-    fn check(&self, (): &(), _: &mut Reader<'_>) {}
-
     fn add_rows(prefix: &str, _: Option<&Self>, rows: &mut Vec<Row>) -> bool {
         Common::add_rows(prefix, None, rows) && VoxelConfig::add_rows(prefix, None, rows)
     }
@@ -384,11 +382,11 @@ mod tests {
         };
         let all = problems.join("\n");
         for key in [
-            "seed must be between 0 and 9223372036854775807, got -1",
+            "seed must be a whole number between 0 and 9223372036854775807, got -1",
             "speed is an unknown key, did you mean seed?",
             "network.upsampling must be one of linear, nearest, got cubic",
             "training.epochs must be between 1 and 10000, got 0",
-            "training.batch must be a whole number, got \"many\"",
+            "training.batch must be a whole number between 1 and 4096, got \"many\"",
             "training.learning_rate must be above 0 and at most 1, got 0",
             "training.samples_per_scene is missing",
             "training.deep is an unknown key",
