@@ -6,7 +6,7 @@ use std::slice;
 use std::sync::Arc;
 
 use schema::{FACETS, Grid, Gripper, Hands, MODELS_MAX, Model, Procedure, hand_of};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use settings::{Setting, faults_of, read_stored};
 
@@ -46,11 +46,10 @@ pub struct DatasetInfo {
     pub frames: Vec<String>,
     /// How round outlines are: [`Self::facets`].
     pub facets: String,
-    /// The resolved config of the generator, in its own format.
-    #[serde(serialize_with = "in_order")]
+    /// The resolved config of the generator, in its own format. `Value` keeps keys sorted.
     pub config: Value,
     /// Its objects, if they are not primitives; `shape` in its rows is then a model's name.
-    #[serde(default, skip_serializing_if = "Vec::is_empty", with = "models")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub models: Vec<Arc<Model>>,
     /// Its hands if they are several, which take turns: scene i has number i modulo their count.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -292,37 +291,6 @@ impl DatasetInfo {
 #[derive(Deserialize)]
 struct HeadJson {
     format_version: FormatVersion,
-}
-
-/// Models in the file: serde has no pointers that share.
-mod models {
-    use super::{Arc, Deserialize, Model, Serializer};
-    use serde::Deserializer;
-
-    pub(super) fn serialize<S: Serializer>(models: &[Arc<Model>], to: S) -> Result<S::Ok, S::Error> {
-        to.collect_seq(models.iter().map(Arc::as_ref))
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Arc<Model>>, D::Error> {
-        Ok(Vec::deserialize(from)?.into_iter().map(Arc::new).collect())
-    }
-}
-
-fn in_order<S: Serializer>(config: &Value, to: S) -> Result<S::Ok, S::Error> {
-    sorted(config).serialize(to)
-}
-
-/// The value with sorted keys in every object, independently of serde_json's feature for insertion order.
-fn sorted(value: &Value) -> Value {
-    match value {
-        Value::Object(map) => {
-            let mut entries: Vec<(&String, &Value)> = map.iter().collect();
-            entries.sort_by_key(|(key, _)| key.as_str());
-            Value::Object(entries.into_iter().map(|(key, inner)| (key.clone(), sorted(inner))).collect())
-        }
-        Value::Array(items) => Value::Array(items.iter().map(sorted).collect()),
-        other => other.clone(),
-    }
 }
 
 #[cfg(test)]
