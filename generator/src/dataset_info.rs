@@ -3,7 +3,7 @@
 use program::{ExitCode, Failure};
 use schema::{Engine, Physics};
 use serde_json::{Value, json};
-use shards::{DatasetInfo, FormatVersion};
+use shards::DatasetInfo;
 use simulator::Body;
 
 use crate::config::{Config, OF_PRIMITIVES, RuleClosing, Sampler};
@@ -23,7 +23,7 @@ impl Config {
     pub fn dataset_info(&self) -> DatasetInfo {
         let mut info = DatasetInfo {
             about: DatasetInfo::ABOUT.to_owned(),
-            format_version: FormatVersion::CURRENT,
+            format_version: 1, // see below
             code_version: env!("CARGO_PKG_VERSION").to_owned(),
             seed: self.seed,
             shard_count: self.shards,

@@ -11,8 +11,6 @@ pub mod layout;
 pub(crate) mod seal;
 pub(crate) mod summary;
 mod thrift;
-mod version;
 
 pub use column::{Form, Table};
 pub use info::{ATTEMPTS_MAX, DatasetInfo, RESOLUTION_MAX, SHARDS_MAX};
-pub use version::FormatVersion;

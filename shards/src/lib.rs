@@ -57,7 +57,7 @@ mod write;
 
 pub use format::layout::{self, SCENES_PER_ROW_GROUP};
 pub use format::summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
-pub use format::{ATTEMPTS_MAX, DatasetInfo, Form, FormatVersion, RESOLUTION_MAX, SHARDS_MAX, Table};
+pub use format::{ATTEMPTS_MAX, DatasetInfo, Form, RESOLUTION_MAX, SHARDS_MAX, Table};
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;
 pub use read::{ArrowStream, Dataset, PROBLEMS_MAX, Verified, read_plain_table, verify};

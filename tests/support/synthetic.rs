@@ -7,14 +7,14 @@ use schema::{
     axis_angle, pose_from_parts,
 };
 
-use shards::{DatasetInfo, FormatVersion};
+use shards::DatasetInfo;
 
 /// The info of a synthetic dataset on the paper's grid. Lower `grid.resolution` for small files.
 #[must_use]
 pub(crate) fn info(seed: u64, shard_count: u32, attempt_count: u64, attempts_per_scene: u32) -> DatasetInfo {
     DatasetInfo {
         about: DatasetInfo::ABOUT.to_owned(),
-        format_version: FormatVersion::CURRENT,
+        format_version: 1,
         code_version: "synthetic".to_owned(),
         seed,
         shard_count,

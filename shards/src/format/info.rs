@@ -10,7 +10,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use settings::{Setting, faults_of, read_stored};
 
-use crate::FormatVersion;
 use crate::format::column::Form;
 use crate::format::seal;
 
@@ -20,8 +19,8 @@ use crate::format::seal;
 pub struct DatasetInfo {
     /// What the file is: [`Self::ABOUT`].
     pub about: String,
-    /// Version of the format on disk.
-    pub format_version: FormatVersion,
+    /// Version of the format on disk: the lowest that describes the dataset, so that older programs read it if they can.
+    pub format_version: u32,
     /// Version of the code that makes the rows; another version makes another dataset.
     pub code_version: String,
     /// Seed of every random stream.
@@ -60,6 +59,8 @@ pub struct DatasetInfo {
 pub const SHARDS_MAX: u32 = 100_000;
 /// Maximum resolution of a TSDF along a side.
 pub const RESOLUTION_MAX: usize = 128;
+/// The newest version of the format that this program reads.
+const VERSION_MAX: u32 = 5;
 /// Maximum number of attempts of a dataset.
 pub const ATTEMPTS_MAX: u64 = 1_000_000_000_000;
 
@@ -155,16 +156,17 @@ impl DatasetInfo {
         }
     }
 
-    /// The lowest version that describes it.
+    /// The lowest version that describes it. A version has what those before it have not, which they would fail to read
+    /// or misinterpret.
     #[must_use]
-    pub fn version(&self) -> FormatVersion {
+    pub fn version(&self) -> u32 {
         let needed = [
-            (self.has_repeats(), FormatVersion::REPEATS),
-            (self.has_containers(), FormatVersion::CONTAINERS),
-            (!self.grippers.is_empty(), FormatVersion::HANDS),
-            (!self.models.is_empty(), FormatVersion::MODELS),
+            (self.has_repeats(), 5),
+            (self.has_containers(), 4),
+            (!self.grippers.is_empty(), 3),
+            (!self.models.is_empty(), 2),
         ];
-        needed.into_iter().find(|(is_needed, _)| *is_needed).map_or(FormatVersion::CURRENT, |(_, version)| version)
+        needed.into_iter().find(|(is_needed, _)| *is_needed).map_or(1, |(_, version)| version)
     }
 
     /// Whether its scenes may have containers: its config says which.
@@ -227,9 +229,8 @@ impl DatasetInfo {
             (
                 self.format_version == version,
                 format!(
-                    "format_version must be {}, the lowest that describes the dataset, got {}",
-                    version.number(),
-                    self.format_version.number()
+                    "format_version must be {version}, the lowest that describes the dataset, got {}",
+                    self.format_version
                 ),
             ),
         ];
@@ -272,8 +273,11 @@ impl DatasetInfo {
     /// What is wrong, if the text is not such a file, has an unknown version, or contains invalid values.
     pub fn from_json(text: impl AsRef<[u8]>) -> Result<Self, String> {
         let foreign = |e| format!("not a dataset's info: {e}");
-        let head: HeadJson = serde_json::from_slice(text.as_ref()).map_err(foreign)?;
-        head.format_version.check_readable()?;
+        let HeadJson { format_version: got } = serde_json::from_slice(text.as_ref()).map_err(foreign)?;
+        if !(1..=VERSION_MAX).contains(&got) {
+            let hint = if got > 0 { "read it with a newer graspmill" } else { "no graspmill wrote that" };
+            return Err(format!("format_version must be between 1 and {VERSION_MAX}, got {got}; {hint}"));
+        }
         let info: Self = serde_json::from_slice(text.as_ref()).map_err(foreign)?;
         let problems = info.problems();
         if problems.is_empty() { Ok(info) } else { Err(problems.join("; ")) }
@@ -290,7 +294,7 @@ impl DatasetInfo {
 /// Only the version, so that a newer file is refused for its version and not for its new keys.
 #[derive(Deserialize)]
 struct HeadJson {
-    format_version: FormatVersion,
+    format_version: u32,
 }
 
 #[cfg(test)]
@@ -382,8 +386,10 @@ mod tests {
 
     #[test]
     fn a_newer_file_is_refused_by_its_version_not_its_keys() {
-        let text = "{\"format_version\": 6, \"brand_new\": true}";
-        let told = DatasetInfo::from_json(text).unwrap_err();
-        assert_eq!(told, "format_version must be between 1 and 5, got 6; read it with a newer graspmill");
+        let told = |version: u32| {
+            DatasetInfo::from_json(format!("{{\"format_version\": {version}, \"brand_new\": true}}")).unwrap_err()
+        };
+        assert_eq!(told(6), "format_version must be between 1 and 5, got 6; read it with a newer graspmill");
+        assert_eq!(told(0), "format_version must be between 1 and 5, got 0; no graspmill wrote that");
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schema::{AttemptRecord, Outcome, Rule, SceneRejections, SceneRows};
 use serde::{Deserialize, Serialize};
 
-use crate::{DatasetInfo, FormatVersion, Table};
+use crate::{DatasetInfo, Table};
 
 /// Maximum size of a file, so that sums over all shards do not overflow.
 const FILE_BYTES_MAX: u64 = 1 << 44;
@@ -245,7 +245,7 @@ impl ShardSummary {
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
     /// Version of the format.
-    pub format_version: FormatVersion,
+    pub format_version: u32,
     /// The dataset: SHA-256 of its `meta/info.json`.
     pub dataset_id: String,
     /// Sum over all shards.

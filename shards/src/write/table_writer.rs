@@ -14,11 +14,11 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersi
 use parquet::schema::types::ColumnPath;
 use program::{ExitCode, Failure};
 
+use crate::Table;
 use crate::format::column::{Form, Kind, float_leaves};
 use crate::format::layout;
 use crate::format::summary::FileSummary;
 use crate::store::{Ready, Staged, Storage, Trouble};
-use crate::{FormatVersion, Table};
 
 /// zstd level of every column.
 const ZSTD_LEVEL: i32 = 1;
@@ -71,7 +71,7 @@ impl TableWriter {
 fn properties(table: Table, form: Form) -> Result<WriterProperties, Failure> {
     let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(|e| unwritten(table, &e))?;
     let mut builder = WriterProperties::builder()
-        .set_created_by(format!("graspmill format {}", FormatVersion::CURRENT.number()))
+        .set_created_by("graspmill format 1".to_owned()) // of every version, for the same bytes
         .set_writer_version(WriterVersion::PARQUET_1_0)
         .set_max_row_group_row_count(None) // the writer ends row groups: in all tables after the same scene
         .set_compression(Compression::ZSTD(level));

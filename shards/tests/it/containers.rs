@@ -2,7 +2,7 @@
 //! they are.
 
 use schema::{Container, ContainerKind, HitKind, Outcome};
-use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, verify};
+use shards::{Dataset, DatasetInfo, Draft, Finalized, verify};
 
 use crate::synthetic;
 
@@ -10,7 +10,7 @@ fn info() -> DatasetInfo {
     let mut info = synthetic::info(3, 2, 580, 60);
     info.grid.resolution = 8;
     info.config["container"] = serde_json::json!([{"kind": "bin", "share": 0.5}]);
-    info.format_version = FormatVersion::CONTAINERS;
+    info.format_version = 4;
     info
 }
 
@@ -40,7 +40,7 @@ fn a_scene_says_what_its_objects_lie_in() {
         let verified = verify(dir.path(), |_| ()).unwrap();
         assert!(verified.is_ok(), "{:?}", verified.problems);
         let dataset = Dataset::open(dir.path()).unwrap();
-        assert_eq!(dataset.info().format_version.number(), 4);
+        assert_eq!(dataset.info().format_version, 4);
         let read: Vec<_> = (0..info.scene_count).map(|scene| dataset.read_scene(scene).unwrap()).collect();
         assert!(read.iter().zip(0..).all(|(read, scene)| *read == rows(scene)));
         let kinds: Vec<_> = read[..4].iter().map(|rows| rows.scene.container.map(|it| it.kind)).collect();
@@ -56,7 +56,7 @@ fn an_attempt_says_how_robust_it_was() {
     let mut info = synthetic::info(3, 1, 120, 60);
     info.grid.resolution = 8;
     info.config["robustness"] = serde_json::json!({"share": 1.0});
-    info.format_version = FormatVersion::REPEATS;
+    info.format_version = 5;
     let rows = |scene: u64| synthetic::scene_rows(scene, info.seed, &info);
     let draft = Draft::begin(dir.path(), &info).unwrap();
     let mut writer = draft.shard(0).unwrap();
@@ -99,10 +99,10 @@ fn containers_that_cannot_be_are_refused() {
     assert!(refused(&info(), Some(wide), table).contains("must fit into a workspace"));
     assert!(refused(&info(), Some(Container { height_m: f32::NAN, ..bin }), table).contains("height_m"));
     assert!(refused(&info(), None, Some(HitKind::Container)).contains("hit a container that is not there"));
-    let plain = DatasetInfo { config: serde_json::json!({}), format_version: FormatVersion::CURRENT, ..info() };
+    let plain = DatasetInfo { config: serde_json::json!({}), format_version: 1, ..info() };
     assert!(refused(&plain, Some(bin), table).contains("must have no container"));
     let mut old = info();
-    old.format_version = FormatVersion::CURRENT;
+    old.format_version = 1;
     let told = DatasetInfo::from_json(old.to_json()).unwrap_err();
     assert!(told.contains("format_version must be 4, the lowest that"), "{told}");
 }

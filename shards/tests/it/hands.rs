@@ -6,7 +6,7 @@ use arrow::cast::AsArray as _;
 use arrow::types::Int32Type;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use schema::Gripper;
-use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, verify};
+use shards::{Dataset, DatasetInfo, Draft, Finalized, verify};
 
 use crate::synthetic;
 
@@ -15,7 +15,7 @@ fn info() -> DatasetInfo {
     info.grid.resolution = 8;
     let named = |name: &str, opening_m_max| Gripper { name: name.to_owned(), opening_m_max, ..info.gripper.clone() };
     info.grippers = vec![info.gripper.clone(), named("wide", 0.12), named("wider", 0.2)];
-    info.format_version = FormatVersion::HANDS;
+    info.format_version = 3;
     info
 }
 
@@ -75,7 +75,7 @@ fn a_width_is_held_to_the_scenes_own_hand() {
 fn hands_that_cannot_be_are_refused() {
     type Case = (fn(&mut DatasetInfo), &'static str);
     let cases: [Case; 5] = [
-        (|info| info.format_version = FormatVersion::CURRENT, "format_version must be 3, the lowest that"),
+        (|info| info.format_version = 1, "format_version must be 3, the lowest that"),
         (
             |info| info.grippers[1].name = "wider".to_owned(),
             "grippers must be hands of different names, got two of wider",

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use schema::{Approach, AttemptRecord, Model, ModelPart, ObjectShape, Rule, SceneRows, Vec3, along_normal};
-use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, verify};
+use shards::{Dataset, DatasetInfo, Draft, Finalized, verify};
 
 use crate::synthetic;
 
@@ -42,7 +42,7 @@ fn info() -> DatasetInfo {
     let mut info = synthetic::info(3, 2, 58, 6);
     info.grid.resolution = 8;
     info.models = models();
-    info.format_version = FormatVersion::MODELS;
+    info.format_version = 2;
     info
 }
 
@@ -88,7 +88,7 @@ fn rows_and_models_come_back_as_they_were() {
     assert!(verify(dir.path(), |_| ()).unwrap().is_ok());
     let dataset = Dataset::open(dir.path()).unwrap();
     assert_eq!(dataset.info(), &info);
-    assert_eq!(dataset.info().format_version, FormatVersion::new(2));
+    assert_eq!(dataset.info().format_version, 2);
     for shard in 0..info.shard_count {
         let written: Vec<SceneRows> = info.scenes_of(shard).map(|scene| rows(&info, scene)).collect();
         let objects = dataset.read_objects(shard).unwrap();
@@ -105,10 +105,7 @@ fn rows_and_models_come_back_as_they_were() {
 fn an_info_whose_models_cannot_be_is_refused() {
     type Case = (fn(&mut DatasetInfo), &'static str);
     let cases: [Case; 5] = [
-        (
-            |info| info.format_version = FormatVersion::CURRENT,
-            "format_version must be 2, the lowest that describes the dataset, got 1",
-        ),
+        (|info| info.format_version = 1, "format_version must be 2, the lowest that describes the dataset, got 1"),
         (|info| info.models.clear(), "format_version must be 1, the lowest that describes the dataset, got 2"),
         (|info| info.models[1] = info.models[0].clone(), "there is another model wedge"),
         (|info| Arc::make_mut(&mut info.models[0]).mass_kg = 0.0, "model wedge: mass_kg must be between"),

@@ -9,7 +9,7 @@ use generator::{Config, Overrides};
 use schema::ObjectShape;
 use serde_json::Value;
 use settings::Document;
-use shards::{Dataset, FormatVersion};
+use shards::Dataset;
 use tempfile::TempDir;
 
 use super::{check_fails, check_ok, files, run, workshop};
@@ -380,7 +380,7 @@ fn a_dataset_of_own_objects_is_made_verified_and_repeated_from_itself_alone() {
     let info = dataset.info();
     let images = generator::depth_images(info, &dataset.read_scene(1).unwrap()).unwrap();
     assert!(!images.is_empty() && images.iter().all(|image| image.depth_m.iter().any(|depth_m| *depth_m > 0.3)));
-    assert_eq!(info.format_version, FormatVersion::MODELS);
+    assert_eq!(info.format_version, 2);
     let names: Vec<&str> = info.models.iter().map(|model| model.name.as_str()).collect();
     assert_eq!(names, ["cube", "ell", "wedge_piece"]);
     let mut seen = [0; 3];

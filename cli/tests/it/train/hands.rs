@@ -6,7 +6,7 @@ use std::path::Path;
 use network::Architecture;
 use network::checkpoint::read;
 use schema::{Gripper, Hands};
-use shards::{DatasetInfo, FormatVersion};
+use shards::DatasetInfo;
 
 use super::fixture::{check_fails, trainer, write_config, write_dataset_of};
 use crate::synthetic;
@@ -21,7 +21,7 @@ fn write(folder: &Path, openings_m: &[f32]) -> String {
     info.gripper = hands[0].clone();
     if hands.len() > 1 {
         assert_eq!(Hands::problem(&hands), None);
-        (info.grippers, info.format_version) = (hands, FormatVersion::HANDS);
+        (info.grippers, info.format_version) = (hands, 3);
     }
     write_dataset_of(folder, &info);
     folder.to_str().unwrap().to_owned()
