@@ -1,61 +1,26 @@
 //! A table for programs in other languages: as a stream of Arrow's C interface.
 
+use std::iter::once;
 use std::ops::Range;
 use std::sync::Arc;
 
 use arrow::ffi_stream::FFI_ArrowArrayStream;
-use arrow::{RecordBatch, RecordBatchReader};
+use arrow::{RecordBatch, RecordBatchIterator};
 use arrow_schema::ArrowError;
-use arrow_schema::SchemaRef;
 use program::Failure;
 
-use crate::read::table_reader::{Batches, Part};
+use crate::read::table_reader::Part;
 use crate::{Dataset, Table};
 
 /// Rows of a batch: of scenes, each a quarter of a megabyte, fewer.
 const BATCH_ROWS: usize = 65_536;
 const BATCH_SCENES: usize = 64;
 
-fn part(table: Table, without: Option<&'static str>) -> Part<'static> {
-    let batch_rows = if table == Table::Scenes { BATCH_SCENES } else { BATCH_ROWS };
-    Part { batch_rows, without, ..Part::default() }
-}
-
 /// A table's rows as Arrow's C stream.
 pub type ArrowStream = FFI_ArrowArrayStream;
 
-/// Shard after shard.
-struct Shards {
-    dataset: Arc<Dataset>,
-    table: Table,
-    without: Option<&'static str>,
-    left: Range<u32>,
-    open: Option<Batches>,
-    schema: SchemaRef,
-}
-
-impl Iterator for Shards {
-    type Item = Result<RecordBatch, ArrowError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        loop {
-            if let Some(batch) = self.open.as_mut().and_then(Iterator::next) {
-                return Some(batch.map_err(ArrowError::ParquetError));
-            }
-            let shard = self.left.next()?;
-            match self.dataset.batches(shard, self.table, part(self.table, self.without)) {
-                Ok(batches) => self.open = Some(batches),
-                Err(failure) => return Some(Err(ArrowError::ExternalError(Box::new(failure)))),
-            }
-        }
-    }
-}
-
-impl RecordBatchReader for Shards {
-    fn schema(&self) -> SchemaRef {
-        Arc::clone(&self.schema)
-    }
-}
+/// A shard's batches, or why there are none.
+type OfShard = Box<dyn Iterator<Item = Result<RecordBatch, ArrowError>> + Send>;
 
 impl Dataset {
     /// The rows of a table in some shards, in their order, read when they are asked for; scenes with their grids or
@@ -72,8 +37,15 @@ impl Dataset {
         let whole = table.arrow_schema(self.info().form());
         let kept = (0..whole.fields().len()).filter(|field| Some(whole.field(*field).name().as_str()) != without);
         let schema = whole.project(&kept.collect::<Vec<_>>()).unwrap_or_else(|_| whole.as_ref().clone());
+        let batch_rows = if table == Table::Scenes { BATCH_SCENES } else { BATCH_ROWS };
+        let part = Part { batch_rows, without, ..Part::default() };
         let dataset = Arc::clone(self);
-        let rows = Shards { dataset, table, without, left: shards, open: None, schema: Arc::new(schema) };
-        Ok(FFI_ArrowArrayStream::new(Box::new(rows)))
+        let batches = shards.flat_map(move |shard| -> OfShard {
+            match dataset.batches(shard, table, part) {
+                Ok(batches) => Box::new(batches.map(|batch| batch.map_err(ArrowError::ParquetError))),
+                Err(failure) => Box::new(once(Err(ArrowError::ExternalError(Box::new(failure))))),
+            }
+        });
+        Ok(FFI_ArrowArrayStream::new(Box::new(RecordBatchIterator::new(batches, Arc::new(schema)))))
     }
 }
