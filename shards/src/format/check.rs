@@ -26,7 +26,8 @@ const TSDF: (f32, f32) = (0.0099, 0.9901);
 /// What is wrong: the rule, the value and the limit.
 type Checked = Result<(), String>;
 
-fn must(holds: bool, message: impl FnOnce() -> String) -> Checked {
+/// An error unless a rule holds.
+pub(crate) fn must(holds: bool, message: impl FnOnce() -> String) -> Checked {
     if holds { Ok(()) } else { Err(message()) }
 }
 

@@ -240,7 +240,7 @@ impl Kind {
     }
 
     /// The type as text, for the docs.
-    pub(crate) fn describe(self, resolution: usize) -> String {
+    fn describe(self, resolution: usize) -> String {
         match self {
             Self::I64 => "int64".to_owned(),
             Self::I32 => "int32".to_owned(),

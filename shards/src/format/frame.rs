@@ -17,30 +17,24 @@
 //! The walk also finds the positions of pages, so that one scene is read without its row group. The file's own index of
 //! pages is not read, because it can be wrong.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::Range;
 use std::sync::Arc;
 
 use parquet::arrow::ArrowSchemaConverter;
 use parquet::basic::{Compression, Type};
-use parquet::file::metadata::page_index::PageIndexProvider;
+use parquet::file::metadata::page_index::PageIndexBuilder;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
-use parquet::file::page_index::column_index::ColumnIndexMetaData;
 use parquet::file::page_index::offset_index::{OffsetIndexMetaData, PageLocation};
 use parquet::file::reader::{ChunkReader, Length};
 
 use crate::Table;
-use crate::format::check::VIEWS_MAX;
+use crate::format::check::{VIEWS_MAX, must};
 use crate::format::column::{Form, Kind};
 use crate::format::footer::{FOOTER, PAGE_HEADER};
 use crate::format::thrift;
 
 type Checked<T = ()> = Result<T, String>;
-
-fn must(holds: bool, message: impl FnOnce() -> String) -> Checked {
-    if holds { Ok(()) } else { Err(message()) }
-}
 
 const MAGIC: &[u8; 4] = b"PAR1";
 /// Bytes of the footer's length and the magic number.
@@ -131,37 +125,27 @@ impl<'a> Frame<'a> {
     ) -> Checked<ParquetMetaData> {
         let schema = self.metadata.file_metadata().schema_descr();
         let leaves = (0..schema.num_columns()).filter(|leaf| columns.contains(&schema.get_column_root_idx(*leaf)));
-        let mut places = Places::default();
+        let mut places = PageIndexBuilder::default();
+        if is_skipping {
+            places.allocate_offset_indexes(self.groups(), schema.num_columns());
+        }
         for (group, leaf) in groups.flat_map(|group| leaves.clone().map(move |leaf| (group, leaf))) {
             if let Some(page_locations) = self.pages(group, leaf)? {
                 let index = OffsetIndexMetaData { page_locations, unencoded_byte_array_data_bytes: None };
-                places.0.insert((group, leaf), index);
+                places.put_offset_index(index, group, leaf); // if there is a place for it
             }
         }
-        if !is_skipping {
-            return Ok(self.metadata);
-        }
-        Ok(self.metadata.into_builder().set_page_index(Some(Arc::new(places))).build())
+        Ok(self.metadata.into_builder().set_page_index(Some(Arc::new(places.build()))).build())
     }
 
     /// Names, order and types must be those of the table.
     fn check_schema(&self) -> Checked {
         let Expected { table, form, .. } = self.expected;
         let expected = ArrowSchemaConverter::new().convert(&table.arrow_schema(form)).map_err(|e| e.to_string())?;
-        let found = self.metadata.file_metadata().schema_descr().root_schema();
-        let expected = expected.root_schema();
-        let names = |schema: &parquet::schema::types::Type| {
-            schema.get_fields().iter().map(|field| field.name().to_owned()).collect::<Vec<_>>()
-        };
-        must(names(expected) == names(found), || {
-            format!("columns must be {:?}, got {:?}", names(expected), names(found))
-        })?;
-        let mut fields = table.columns(form).into_iter().zip(expected.get_fields().iter().zip(found.get_fields()));
-        let other = fields.find(|(_, (expected, found))| expected != found);
-        let Some((column, _)) = other else { return Ok(()) };
-        let null = if column.nullable { " or null" } else { "" };
-        let kind = column.kind.describe(form.resolution);
-        Err(format!("column {} must be {kind}{null}, its type is another", column.name))
+        let found = self.metadata.file_metadata().schema_descr();
+        must(expected.root_schema().get_fields() == found.root_schema().get_fields(), || {
+            format!("columns must have the names, types and order of those of {}", table.name())
+        })
     }
 
     /// Row groups must have the expected number of rows, and their column chunks as many values. Chunks must not
@@ -267,32 +251,6 @@ fn start(chunk: &ColumnChunkMetaData) -> i64 {
 
 fn bytes(file: &File, at: u64, length: u64) -> Checked<impl std::ops::Deref<Target = [u8]>> {
     file.get_bytes(at, length as usize).map_err(|e| e.to_string()) // at most FOOTER_MAX
-}
-
-/// The positions of pages, by row group and leaf column.
-#[derive(Debug, Default)]
-struct Places(BTreeMap<(usize, usize), OffsetIndexMetaData>);
-
-impl PageIndexProvider for Places {
-    fn has_offset_indexes(&self) -> bool {
-        !self.0.is_empty()
-    }
-
-    fn has_column_indexes(&self) -> bool {
-        false
-    }
-
-    fn column_index(&self, _: usize, _: usize) -> Option<&ColumnIndexMetaData> {
-        None
-    }
-
-    fn offset_index(&self, group: usize, leaf: usize) -> Option<&OffsetIndexMetaData> {
-        self.0.get(&(group, leaf))
-    }
-
-    fn as_any(&self) -> &dyn std::any::Any {
-        self
-    }
 }
 
 /// A page of values.
