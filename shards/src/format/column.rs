@@ -269,17 +269,6 @@ pub(crate) fn voxel_type(resolution: usize, depth: usize) -> DataType {
     (0..depth).fold(DataType::Float32, |inner, _| DataType::FixedSizeList(element(inner), length))
 }
 
-/// Paths of the Parquet leaf columns of a field that hold single-precision values.
-pub(crate) fn float_leaves(column: &Column) -> Vec<Vec<String>> {
-    let path = |parts: &[&str]| parts.iter().map(|part| (*part).to_owned()).collect::<Vec<_>>();
-    match column.kind {
-        Kind::F32 => vec![path(&[column.name])],
-        Kind::Views => view_fields().iter().map(|f| path(&[column.name, "list", ELEMENT, f.name()])).collect(),
-        Kind::Voxels => vec![path(&[column.name, "list", ELEMENT, "list", ELEMENT, "list", ELEMENT])],
-        Kind::I64 | Kind::I32 | Kind::U8 | Kind::Name => Vec::new(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -308,18 +297,6 @@ mod tests {
                 "{text}"
             );
             assert_eq!(text.matches("\n| `").count(), table.columns(FORM).len());
-        }
-    }
-
-    #[test]
-    fn every_float_leaf_is_a_leaf_of_the_parquet_schema() {
-        for table in Table::ALL {
-            let schema = table.arrow_schema(Form { resolution: 4, ..FORM });
-            let parquet = parquet::arrow::ArrowSchemaConverter::new().convert(&schema).unwrap();
-            let leaves: Vec<&[String]> = parquet.columns().iter().map(|c| c.path().parts()).collect();
-            for path in table.columns(FORM).into_iter().flat_map(float_leaves) {
-                assert!(leaves.contains(&path.as_slice()), "{path:?} is not among {leaves:?}");
-            }
         }
     }
 }

@@ -7,15 +7,14 @@
 //! 36,218. Higher levels cost more time than they save bytes; BYTE_STREAM_SPLIT costs nothing.
 
 use arrow::RecordBatch;
-use parquet::arrow::ArrowWriter;
-use parquet::basic::{Compression, Encoding, ZstdLevel};
+use parquet::arrow::{ArrowSchemaConverter, ArrowWriter};
+use parquet::basic::{Compression, Encoding, Type, ZstdLevel};
 use parquet::errors::ParquetError;
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersion};
-use parquet::schema::types::ColumnPath;
 use program::{ExitCode, Failure};
 
 use crate::Table;
-use crate::format::column::{Form, Kind, float_leaves};
+use crate::format::column::Form;
 use crate::format::layout;
 use crate::format::summary::FileSummary;
 use crate::store::{Ready, Staged, Storage, Trouble};
@@ -67,22 +66,22 @@ impl TableWriter {
     }
 }
 
-/// `floats` is the encoding of floats, which have no dictionary.
+/// Floats have no dictionary, and grids no statistics.
 fn properties(table: Table, form: Form) -> Result<WriterProperties, Failure> {
+    let schema = ArrowSchemaConverter::new().convert(&table.arrow_schema(form)).map_err(|e| unwritten(table, &e))?;
     let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(|e| unwritten(table, &e))?;
     let mut builder = WriterProperties::builder()
         .set_created_by("graspmill format 1".to_owned()) // of every version, for the same bytes
         .set_writer_version(WriterVersion::PARQUET_1_0)
         .set_max_row_group_row_count(None) // the writer ends row groups: in all tables after the same scene
         .set_compression(Compression::ZSTD(level));
-    for column in table.columns(form) {
-        for path in float_leaves(column).into_iter().map(ColumnPath::new) {
-            builder = builder
-                .set_column_dictionary_enabled(path.clone(), false)
-                .set_column_encoding(path.clone(), Encoding::BYTE_STREAM_SPLIT);
-            if column.kind == Kind::Voxels {
-                builder = builder.set_column_statistics_enabled(path, EnabledStatistics::None);
-            }
+    for leaf in schema.columns().iter().filter(|leaf| leaf.physical_type() == Type::FLOAT) {
+        let path = leaf.path();
+        builder = builder
+            .set_column_dictionary_enabled(path.clone(), false)
+            .set_column_encoding(path.clone(), Encoding::BYTE_STREAM_SPLIT);
+        if path.parts()[0] == "tsdf" {
+            builder = builder.set_column_statistics_enabled(path.clone(), EnabledStatistics::None);
         }
     }
     Ok(builder.build())
