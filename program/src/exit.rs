@@ -102,7 +102,7 @@ impl Exit for settings::Error {
 }
 
 /// Why a command failed: the message for the user and the exit code. Made from any error that implements [`Exit`].
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Failure {
     text: String,
     code: ExitCode,

@@ -20,6 +20,7 @@ pub(crate) struct Staged {
     body: Body,
     hash: Sha256,
     bytes: u64,
+    at: Location,
     trouble: Trouble,
 }
 
@@ -43,23 +44,7 @@ struct StagingFile {
 
 /// The first error while writing a file. Libraries between a writer and its file convert disk errors to text; this
 /// keeps the error itself.
-#[derive(Debug, Clone)]
-pub(crate) struct Trouble {
-    at: Location,
-    first: Arc<OnceLock<(io::ErrorKind, String)>>,
-}
-
-impl Trouble {
-    /// The error of the disk, if there was one.
-    pub(crate) fn error(&self) -> Option<Failure> {
-        let (kind, text) = self.first.get()?;
-        Some(self.told(io::Error::new(*kind, text.clone())))
-    }
-
-    fn told(&self, source: io::Error) -> Failure {
-        failed("write a file", &self.at)(source)
-    }
-}
+pub(crate) type Trouble = Arc<OnceLock<Failure>>;
 
 impl Write for Staged {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
@@ -68,7 +53,8 @@ impl Write for Staged {
             Body::Object { bytes, .. } => keep(bytes, buffer),
         };
         let written = result.inspect_err(|e| {
-            let _ = self.trouble.first.set((e.kind(), e.to_string())); // keeps the first error
+            let error = io::Error::new(e.kind(), e.to_string());
+            let _ = self.trouble.set(failed("write a file", &self.at)(error)); // keeps the first error
         })?;
         self.hash.update(&buffer[..written]);
         self.bytes += written as u64;
@@ -106,18 +92,17 @@ impl Staged {
     }
 
     fn new(body: Body, at: Location) -> Self {
-        let trouble = Trouble { at, first: Arc::default() };
-        Self { body, hash: Sha256::new(), bytes: 0, trouble }
+        Self { body, hash: Sha256::new(), bytes: 0, at, trouble: Arc::default() }
     }
 
     /// Writes all of a small file.
     pub(crate) fn put(&mut self, bytes: &[u8]) -> Result<(), Failure> {
-        self.write_all(bytes).map_err(|e| self.trouble.told(e))
+        self.write_all(bytes).map_err(failed("write a file", &self.at))
     }
 
-    /// The store of disk errors.
+    /// Where the disk's first error will be.
     pub(crate) fn trouble(&self) -> Trouble {
-        self.trouble.clone()
+        Arc::clone(&self.trouble)
     }
 
     #[cfg(test)]

@@ -89,7 +89,7 @@ fn properties(table: Table, form: Form) -> Result<WriterProperties, Failure> {
 
 /// The disk's error, if the disk caused it.
 fn broken(table: Table, trouble: &Trouble, error: &ParquetError) -> Failure {
-    trouble.error().unwrap_or_else(|| unwritten(table, error))
+    trouble.get().cloned().unwrap_or_else(|| unwritten(table, error))
 }
 
 /// Columns that could not be made or written: a defect of the program.
