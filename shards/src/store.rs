@@ -18,7 +18,7 @@ pub(crate) use folder::is_staging;
 pub use folder::{Sweep, Swept};
 pub use location::Location;
 pub(crate) use staged::{Ready, Staged, Trouble};
-pub(crate) use storage::{Published, Storage, file_name, size_in, size_problem};
+pub(crate) use storage::{Storage, file_name, size_in, size_problem};
 
 /// What lies in a folder: names, and the sizes of those that are files.
 pub(crate) type Listing = BTreeMap<String, Option<u64>>;

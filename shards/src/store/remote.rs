@@ -75,14 +75,9 @@ impl std::fmt::Debug for Remote {
     }
 }
 
-/// The result of fetching a file.
-#[derive(Debug)]
-pub(crate) enum Fetched {
-    /// The complete file, rewound, and its SHA-256 in hex.
-    Whole(File, String),
-    /// It has another size, this one, or there is none.
-    Not(Option<u64>),
-}
+/// A file that was fetched, complete and rewound, and its SHA-256 in hex; or the size that it has instead, `None` if
+/// there is none.
+pub(crate) type Fetched = Result<(File, String), Option<u64>>;
 
 impl Remote {
     /// Prepares a connection without any request.
@@ -186,9 +181,9 @@ impl Remote {
         let mut file = tempfile::tempfile().map_err(scratch())?;
         let mut hash = Sha256::new();
         let fetch = async {
-            let Some(found) = self.get(name).await? else { return Ok(Ok(Fetched::Not(None))) };
+            let Some(found) = self.get(name).await? else { return Ok(Ok(Err(None))) };
             if found.meta.size != bytes {
-                return Ok(Ok(Fetched::Not(Some(found.meta.size))));
+                return Ok(Ok(Err(Some(found.meta.size))));
             }
             let (mut pieces, mut got) = (found.into_stream(), 0);
             while let Some(piece) = pieces.next().await {
@@ -200,30 +195,12 @@ impl Remote {
                 }
             }
             if got != bytes {
-                return Ok(Ok(Fetched::Not(Some(got))));
+                return Ok(Ok(Err(Some(got))));
             }
             let sha256 = crate::format::seal::hex(&hash.finalize());
-            Ok(file.rewind().map(|()| Fetched::Whole(file, sha256)))
+            Ok(file.rewind().map(|()| Ok((file, sha256))))
         };
         self.runtime.block_on(within(time_for(bytes), fetch)).map_err(at_store)?.map_err(scratch())
-    }
-
-    /// The SHA-256 of a file in hex, `None` if there is none.
-    pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, Failure> {
-        let read = async {
-            let Some(found) = self.get(name).await? else { return Ok(None) };
-            let limit = time_for(found.meta.size);
-            let (mut pieces, mut hash) = (found.into_stream(), Sha256::new());
-            let body = async {
-                while let Some(piece) = pieces.next().await {
-                    hash.update(piece.map_err(|e| explain(&e))?);
-                }
-                Ok(())
-            };
-            within(limit, body).await?;
-            Ok(Some(crate::format::seal::hex(&hash.finalize())))
-        };
-        self.runtime.block_on(read).map_err(failed("read a file", self.location(name)))
     }
 
     /// Uploads an object and replaces an existing one.

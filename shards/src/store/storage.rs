@@ -15,7 +15,7 @@ use crate::format::summary::FileSummary;
 use crate::store::Listing;
 use crate::store::error::failed;
 use crate::store::folder::{Store, Sweep, Swept};
-use crate::store::remote::{Fetched, Patience, Remote};
+use crate::store::remote::{Patience, Remote};
 use crate::store::staged::{Ready, Staged};
 
 /// The storage of a dataset.
@@ -25,15 +25,6 @@ pub(crate) enum Storage {
     Folder(Store),
     /// An object store: files are fetched, and uploaded in one piece.
     Remote(Arc<Remote>),
-}
-
-/// The result of publishing a small file that should not exist yet.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Published {
-    /// The file was created.
-    New,
-    /// The file existed with these bytes.
-    Existing(Vec<u8>),
 }
 
 impl Storage {
@@ -119,8 +110,8 @@ impl Storage {
                 (file, sha256)
             }
             Self::Remote(remote) => match remote.fetch(&expected.path, expected.bytes)? {
-                Fetched::Whole(file, sha256) => (file, sha256),
-                Fetched::Not(found) => return Ok(Err(size_problem(expected, found).unwrap_or_default())),
+                Ok(fetched) => fetched,
+                Err(found) => return Ok(Err(size_problem(expected, found).unwrap_or_default())),
             },
         };
         if sha256 != expected.sha256 {
@@ -132,12 +123,12 @@ impl Storage {
 
     /// The SHA-256 of a file in hex, `None` if there is none.
     pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, Failure> {
+        let Some(bytes) = self.size(name)? else { return Ok(None) };
         match self {
-            Self::Folder(store) if store.size(name)?.is_none() => Ok(None),
             Self::Folder(store) => {
                 sha256_of_file(&mut store.open(name)?).map(Some).map_err(failed("read a file", self.location(name)))
             }
-            Self::Remote(remote) => remote.digest(name),
+            Self::Remote(remote) => Ok(remote.fetch(name, bytes)?.ok().map(|(_, sha256)| sha256)),
         }
     }
 
@@ -154,19 +145,19 @@ impl Storage {
         self.stage_bytes(name, bytes)?.publish()
     }
 
-    /// Publishes a small file unless it exists.
-    pub(crate) fn publish_new(&self, name: &str, bytes: &[u8]) -> Result<Published, Failure> {
+    /// Publishes a small file unless it exists; returns the bytes of one that does.
+    pub(crate) fn publish_new(&self, name: &str, bytes: &[u8]) -> Result<Option<Vec<u8>>, Failure> {
         if let Some(existing) = self.read(name)? {
             // Its writer may have been killed before it flushed the folder.
             if let (Self::Folder(store), Some(folder)) = (self, Path::new(name).parent()) {
                 store.flush(&store.root().join(folder))?;
             }
-            return Ok(Published::Existing(existing));
+            return Ok(Some(existing));
         }
         if self.stage_bytes(name, bytes)?.publish_new()? {
-            return Ok(Published::New);
+            return Ok(None);
         }
-        self.read(name)?.map(Published::Existing).ok_or_else(|| self.vanished(name))
+        self.read(name)?.map(Some).ok_or_else(|| self.vanished(name))
     }
 
     /// The error for a file that existed when publishing and was gone when reading.
@@ -279,8 +270,8 @@ mod tests {
     fn what_is_there_stays() {
         let folder = tempfile::tempdir().unwrap();
         let storage = Storage::Folder(Store::new(folder.path()));
-        assert_eq!(storage.publish_new("a/x", b"one").unwrap(), Published::New);
-        assert_eq!(storage.publish_new("a/x", b"two").unwrap(), Published::Existing(b"one".to_vec()));
+        assert_eq!(storage.publish_new("a/x", b"one").unwrap(), None);
+        assert_eq!(storage.publish_new("a/x", b"two").unwrap(), Some(b"one".to_vec()));
         storage.publish("a/x", b"three").unwrap();
         assert_eq!(storage.read("a/x").unwrap().unwrap(), b"three");
         assert_eq!(storage.digest("a/x").unwrap().unwrap(), crate::format::seal::sha256_hex(b"three"));
@@ -296,7 +287,7 @@ mod tests {
             let found = Store::new(folder.path()).read("a/b/x").unwrap();
             match result {
                 Ok(published) => {
-                    assert_eq!((published, found.as_deref()), (Published::New, Some(&b"whole"[..])));
+                    assert_eq!((published, found.as_deref()), (None, Some(&b"whole"[..])));
                     return;
                 }
                 Err(e) => {

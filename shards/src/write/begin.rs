@@ -4,7 +4,7 @@ use program::{ExitCode, Failure};
 use serde_json::Value;
 
 use crate::format::layout;
-use crate::store::{Published, Storage, is_staging};
+use crate::store::{Storage, is_staging};
 use crate::{DatasetInfo, Draft, Location, Table};
 
 /// Maximum number of reported differences.
@@ -37,17 +37,17 @@ impl Draft {
         {
             return refused(format!("it holds {entry:?} and no {}: give an empty or a new place: {at}", layout::INFO));
         }
-        match storage.publish_new(layout::INFO, text.as_bytes())? {
-            Published::Existing(existing) if existing != text.as_bytes() => {
-                let Some(differences) = differences(&existing, &text) else {
-                    let at = storage.location(layout::INFO);
-                    return Err(Failure::new(ExitCode::Data, format!("not a dataset's info; it is damaged: {at}")));
-                };
-                let differences = differences.join(", ");
-                return refused(format!("it holds another dataset, which differs in {differences}: {at}"));
-            }
-            Published::New | Published::Existing(_) => storage.check_creates_once(layout::INFO, text.as_bytes())?,
+        if let Some(existing) = storage.publish_new(layout::INFO, text.as_bytes())?
+            && existing != text.as_bytes()
+        {
+            let Some(differences) = differences(&existing, &text) else {
+                let at = storage.location(layout::INFO);
+                return Err(Failure::new(ExitCode::Data, format!("not a dataset's info; it is damaged: {at}")));
+            };
+            let differences = differences.join(", ");
+            return refused(format!("it holds another dataset, which differs in {differences}: {at}"));
         }
+        storage.check_creates_once(layout::INFO, text.as_bytes())?;
         for folder in Table::ALL.map(Table::name).into_iter().chain(["meta/shards"]) {
             storage.create_folder(folder)?;
         }

@@ -7,7 +7,7 @@ use program::{ExitCode, Failure};
 
 use crate::format::summary::{Manifest, ShardSummary};
 use crate::format::{layout, seal};
-use crate::store::{Listing, Published, Sweep, file_name, size_in, size_problem};
+use crate::store::{Listing, Sweep, file_name, size_in, size_problem};
 use crate::write::card;
 use crate::{Draft, Table};
 
@@ -94,7 +94,7 @@ impl Draft {
         self.storage.publish_new(layout::CARD, card::card(&self.info, &manifest).as_bytes())?;
         let text = seal::seal(&manifest);
         self.storage.check_in_place(&self.dataset_id)?;
-        if let Published::Existing(before) = self.storage.publish_new(layout::MANIFEST, text.as_bytes())?
+        if let Some(before) = self.storage.publish_new(layout::MANIFEST, text.as_bytes())?
             && before != text.as_bytes()
         {
             if seal::unseal::<Manifest>(before.clone()).is_ok() {

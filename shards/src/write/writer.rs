@@ -8,7 +8,7 @@ use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 use crate::format::check;
 use crate::format::summary::{Counts, FileSummary, ShardSummary};
 use crate::format::{encode, layout, seal};
-use crate::store::{Published, Ready, Storage};
+use crate::store::{Ready, Storage};
 use crate::write::table_writer::{TableWriter, unwritten};
 use crate::{DatasetInfo, SCENES_PER_ROW_GROUP, Table};
 
@@ -137,7 +137,7 @@ impl ShardWriter {
             publish(&storage, shard, file, summary.file(table), is_proven)?;
         }
         storage.check_in_place(&summary.dataset_id)?;
-        if let Published::Existing(before) = storage.publish_new(&marker, text.as_bytes())?
+        if let Some(before) = storage.publish_new(&marker, text.as_bytes())?
             && !compare(shard, &marker, &before, &text)?
         {
             storage.publish(&marker, text.as_bytes())?; // replaces a damaged one
