@@ -16,10 +16,9 @@ use std::io::{self, Seek, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
-use futures_util::StreamExt;
-use object_store::list::{PaginatedListOptions, PaginatedListStore};
+use futures_util::{Stream, StreamExt};
 use object_store::path::Path;
-use object_store::{Error, GetResult, ObjectStore, ObjectStoreExt, PutMode, PutPayload};
+use object_store::{Error, GetResult, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode, PutPayload};
 use program::Failure;
 use sha2::{Digest, Sha256};
 use tokio::runtime::{Builder, Runtime};
@@ -30,7 +29,7 @@ use crate::store::fault::Fault;
 use crate::store::{Listing, META_BYTES_MAX};
 use crate::{Location, SHARDS_MAX};
 pub(crate) use connect::Patience;
-use connect::{Pages, connect, explain, is_absent, is_refused, is_unreachable, too_large};
+use connect::{connect, explain, is_absent, is_refused, is_unreachable, too_large};
 
 /// Time limit of any request, and minimum transfer rate of a file.
 const REQUEST: Duration = Duration::from_secs(120);
@@ -39,14 +38,12 @@ const BYTES_PER_S_MIN: u64 = 50_000;
 const FETCH_BYTES_MAX: u64 = 8 << 30;
 /// Maximum size of an uploaded object. Stores accept 5 GB in one piece.
 pub(crate) const OBJECT_BYTES_MAX: u64 = 4 << 30;
-/// Time limit of an answer before a retry, the number of tries, and the same for a listing of a hundred thousand files.
+/// Time limit of an answer before a retry, the number of tries, and the limit for a listing of a whole dataset.
 const ANSWER: Duration = Duration::from_secs(40);
 const ASKS_MAX: u32 = 3;
 const LISTING: Duration = Duration::from_secs(300);
-/// Most names in a listing, far more than a folder of a dataset has, and most pages of it. A store that invents names
-/// or repeats pages would go on for ever.
-const LISTED_MAX: usize = 4 * SHARDS_MAX as usize;
-const PAGES_MAX: usize = 10_000;
+/// Most objects in a listing, more than a dataset has. A store that invents names or repeats itself would go on for ever.
+const LISTED_MAX: usize = 5 * SHARDS_MAX as usize;
 /// Number of uploads of an object if the answer is lost or the store is busy, and the pause between them.
 const PUTS_MAX: u32 = 3;
 const PUT_PAUSE: Duration = Duration::from_millis(250);
@@ -63,7 +60,7 @@ pub(crate) struct Remote {
     prefix: Path,
     store: Arc<dyn ObjectStore>,
     /// Whether the store supports listing; web servers do not.
-    pages: Option<Pages>,
+    lists: bool,
     runtime: Runtime,
     fault: Fault,
 }
@@ -85,24 +82,19 @@ impl Remote {
         let failed = |source| failed("use the object store", place(url))(source);
         // There was no request yet, so any error is permanent.
         let wrong = |e| failed(io::Error::new(io::ErrorKind::InvalidInput, explain(&e).to_string()));
-        let (store, pages, prefix) = connect(url, patience).map_err(wrong)?;
-        if patience == Patience::Writer && pages.is_none() {
+        let (store, lists, prefix) = connect(url, patience).map_err(wrong)?;
+        if patience == Patience::Writer && !lists {
             let text = "a web server takes no datasets: give a folder or an s3://, gs:// or az:// URL";
             return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, text)));
         }
-        Self::new(url, store, pages, prefix)
+        Self::new(url, store, lists, prefix)
     }
 
     /// Reads from this store.
-    pub(crate) fn new(
-        url: &Url,
-        store: Arc<dyn ObjectStore>,
-        pages: Option<Pages>,
-        prefix: Path,
-    ) -> Result<Self, Failure> {
+    pub(crate) fn new(url: &Url, store: Arc<dyn ObjectStore>, lists: bool, prefix: Path) -> Result<Self, Failure> {
         let runtime = Builder::new_multi_thread().worker_threads(NETWORK_THREADS).enable_all().build();
         let runtime = runtime.map_err(failed("start threads for", place(url)))?;
-        Ok(Self { url: url.clone(), prefix, store, pages, runtime, fault: Fault::default() })
+        Ok(Self { url: url.clone(), prefix, store, lists, runtime, fault: Fault::default() })
     }
 
     #[cfg(test)]
@@ -165,9 +157,11 @@ impl Remote {
 
     /// The listing of a folder; `None` if listing is not supported.
     pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, Failure> {
-        let Some(pages) = &self.pages else { return Ok(None) };
+        if !self.lists {
+            return Ok(None);
+        }
         let path = if folder.is_empty() { self.prefix.clone() } else { self.path(folder) };
-        let listed = self.runtime.block_on(within(LISTING, listed(&**pages, &path)));
+        let listed = self.runtime.block_on(within(LISTING, listed(self.store.list(Some(&path)), &path)));
         listed.map_err(failed("list a folder", self.location(folder)))
     }
 
@@ -273,55 +267,38 @@ async fn within<T>(limit: Duration, work: impl Future<Output = io::Result<T>>) -
     tokio::time::timeout(limit, work).await.map_err(|_| late(limit))?
 }
 
-/// Sends a request, with retries if there is no answer.
-async fn asked<T, F: Future<Output = io::Result<T>>>(limit: Duration, ask: impl Fn() -> F) -> io::Result<T> {
-    for _ in 1..ASKS_MAX {
-        if let Ok(answer) = tokio::time::timeout(limit, ask()).await {
-            return answer;
-        }
-    }
-    within(limit, ask()).await
-}
-
-/// Names and sizes of the files in a folder, and its folders; `None` if the store refuses to list.
-async fn listed(pages: &dyn PaginatedListStore, folder: &Path) -> io::Result<Option<Listing>> {
-    let prefix = Some(format!("{folder}/")).filter(|_| !folder.is_root());
-    let (mut listing, mut token) = (Listing::new(), None);
-    for _ in 0..PAGES_MAX {
-        let ask = || async {
-            let page_token = token.clone();
-            let options = PaginatedListOptions { delimiter: Some("/".into()), page_token, ..Default::default() };
-            match pages.list_paginated(prefix.as_deref(), options).await {
-                Err(error) if is_refused(&error) || matches!(error, Error::NotImplemented { .. }) => Ok(None),
-                page => page.map(Some).map_err(|e| explain(&e)),
-            }
+/// Names and sizes of the files in a folder, and its folders, from all objects below it; `None` if the store refuses to
+/// list.
+async fn listed(
+    mut objects: impl Stream<Item = Result<ObjectMeta, Error>> + Unpin,
+    folder: &Path,
+) -> io::Result<Option<Listing>> {
+    let mut listing = Listing::new();
+    for _ in 0..=LISTED_MAX {
+        let object = match objects.next().await {
+            None => return Ok(Some(listing)),
+            Some(Err(error)) if is_refused(&error) || matches!(error, Error::NotImplemented { .. }) => return Ok(None),
+            Some(object) => object.map_err(|e| explain(&e))?,
         };
-        let Some(page) = asked(ANSWER, ask).await? else { return Ok(None) };
-        let name = |path: &Path| path.filename().unwrap_or_default().to_owned();
-        let files = page.result.objects.iter().filter(|object| object.location != *folder);
-        listing.extend(files.map(|object| (name(&object.location), Some(object.size))));
-        listing.extend(page.result.common_prefixes.iter().map(|folder| (name(folder), None)));
-        if page.page_token.is_none() {
-            return Ok(Some(listing));
+        let mut parts = object.location.prefix_match(folder).into_iter().flatten();
+        if let Some(name) = parts.next() {
+            listing.insert(name.as_ref().to_owned(), parts.next().is_none().then_some(object.size));
         }
-        if page.page_token == token || listing.len() > LISTED_MAX {
-            break;
-        }
-        token = page.page_token;
     }
     let text = format!("the store's listing repeats itself, or has more than {LISTED_MAX} names");
     Err(io::Error::new(io::ErrorKind::InvalidInput, text))
 }
 
-/// The answer to a request about an object, `None` if there is none.
+/// The answer to a request about an object, `None` if there is none; asked again where no answer comes.
 async fn answer<T, F: Future<Output = Result<T, Error>>>(ask: impl Fn() -> F) -> io::Result<Option<T>> {
-    let ask = || async {
-        match ask().await {
-            Err(error) if is_absent(&error) => Ok(None),
-            found => found.map(Some).map_err(|e| explain(&e)),
+    for _ in 0..ASKS_MAX {
+        match tokio::time::timeout(ANSWER, ask()).await {
+            Ok(Err(error)) if is_absent(&error) => return Ok(None),
+            Ok(found) => return found.map(Some).map_err(|e| explain(&e)),
+            Err(_) => {}
         }
-    };
-    asked(ANSWER, ask).await
+    }
+    Err(late(ANSWER))
 }
 
 fn late(limit: Duration) -> io::Error {

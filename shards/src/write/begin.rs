@@ -31,9 +31,12 @@ impl Draft {
             return refused(format!("the dataset must go to a folder, got a file: {}", dir.display()));
         }
         let text = info.to_json();
-        // In this order, because another process may be beginning the same dataset, and it publishes the info first.
-        if let Some(entry) = first_foreign_entry(&storage)?
-            && storage.size(layout::INFO)?.is_none()
+        // Once more after the look, because another process may be beginning the same dataset, and it publishes the info
+        // first.
+        let has_info = || storage.size(layout::INFO).map(|size| size.is_some());
+        if !has_info()?
+            && let Some(entry) = first_foreign_entry(&storage)?
+            && !has_info()?
         {
             return refused(format!("it holds {entry:?} and no {}: give an empty or a new place: {at}", layout::INFO));
         }

@@ -8,7 +8,6 @@ use object_store::aws::AmazonS3Builder;
 use object_store::azure::MicrosoftAzureBuilder;
 use object_store::gcp::GoogleCloudStorageBuilder;
 use object_store::http::HttpBuilder;
-use object_store::list::PaginatedListStore;
 use object_store::path::Path;
 use object_store::{BackoffConfig, ClientConfigKey, ClientOptions, Error, ObjectStore, ObjectStoreScheme, RetryConfig};
 use url::{Position, Url};
@@ -31,11 +30,8 @@ pub(crate) enum Patience {
     Writer,
 }
 
-/// A store that lists a folder page by page.
-pub(super) type Pages = Arc<dyn PaginatedListStore>;
-
-/// A store, its listings if it has any, and a path in it.
-type Place = (Arc<dyn ObjectStore>, Option<Pages>, Path);
+/// A store, whether it lists, and a path in it.
+type Place = (Arc<dyn ObjectStore>, bool, Path);
 
 /// The store and the path of a URL. Settings come from the environment.
 pub(super) fn connect(url: &Url, patience: Patience) -> Result<Place, Error> {
@@ -44,31 +40,26 @@ pub(super) fn connect(url: &Url, patience: Patience) -> Result<Place, Error> {
     let (scheme, prefix) = ObjectStoreScheme::parse(url)?;
     let backoff = BackoffConfig { max_backoff: CONNECT, ..BackoffConfig::default() };
     let retry = RetryConfig { backoff, max_retries: RETRIES_MAX, retry_timeout: RETRY };
-    let (store, pages): (Arc<dyn ObjectStore>, Pages) = match scheme {
+    let store: Arc<dyn ObjectStore> = match scheme {
         ObjectStoreScheme::AmazonS3 => {
             let builder = AmazonS3Builder::from_env().with_url(url.as_str()).with_retry(retry);
-            both(builder.with_client_options(options("AWS_", patience)).build()?)
+            Arc::new(builder.with_client_options(options("AWS_", patience)).build()?)
         }
         ObjectStoreScheme::GoogleCloudStorage => {
             let builder = GoogleCloudStorageBuilder::from_env().with_url(url.as_str()).with_retry(retry);
-            both(builder.with_client_options(options("GOOGLE_", patience)).build()?)
+            Arc::new(builder.with_client_options(options("GOOGLE_", patience)).build()?)
         }
         ObjectStoreScheme::MicrosoftAzure => {
             let builder = MicrosoftAzureBuilder::from_env().with_url(url.as_str()).with_retry(retry);
-            both(builder.with_client_options(options("AZURE_", patience)).build()?)
+            Arc::new(builder.with_client_options(options("AZURE_", patience)).build()?)
         }
         _ => {
             let builder = HttpBuilder::new().with_url(&url[..Position::BeforePath]).with_retry(retry);
             let options = options("HTTP_", patience).with_allow_http(url.scheme() == "http");
-            return Ok((Arc::new(builder.with_client_options(options).build()?), None, prefix));
+            return Ok((Arc::new(builder.with_client_options(options).build()?), false, prefix));
         }
     };
-    Ok((store, Some(pages), prefix))
-}
-
-fn both<S: ObjectStore + PaginatedListStore>(store: S) -> (Arc<dyn ObjectStore>, Pages) {
-    let store = Arc::new(store);
-    (Arc::clone(&store) as _, store)
+    Ok((store, true, prefix))
 }
 
 /// Client options, overridden by the environment, such as `AWS_ALLOW_HTTP` or `AWS_READ_TIMEOUT`.

@@ -1,10 +1,7 @@
 //! Tests with an object store in memory; tests/python/test_stores.py uses a real one.
 
 use std::collections::BTreeMap;
-use std::pin::Pin;
 
-use object_store::ListResult;
-use object_store::list::PaginatedListResult;
 use object_store::memory::InMemory;
 use program::{ExitCode, Failure};
 
@@ -22,60 +19,21 @@ fn info() -> DatasetInfo {
 
 fn storage(store: &Arc<InMemory>, prefix: &str, fault: Fault) -> Storage {
     let url = Url::parse(&format!("s3://bucket/{prefix}")).unwrap();
-    let pages = Arc::new(Lister { store: Arc::clone(store), next: |_| None });
-    let remote = Remote::new(&url, Arc::clone(store) as _, Some(pages), Path::from(prefix)).unwrap();
+    let remote = Remote::new(&url, Arc::clone(store) as _, true, Path::from(prefix)).unwrap();
     Storage::Remote(Arc::new(remote.with_fault(fault)))
 }
 
-/// The listings of a store in memory, and the token of the page after a token.
-struct Lister {
-    store: Arc<InMemory>,
-    next: fn(Option<&str>) -> Option<String>,
-}
-
-type Page<'a> = Pin<Box<dyn Future<Output = Result<PaginatedListResult, Error>> + Send + 'a>>;
-
-impl PaginatedListStore for Lister {
-    fn list_paginated<'a, 'b, 'c>(&'a self, prefix: Option<&'b str>, options: PaginatedListOptions) -> Page<'c>
-    where
-        'a: 'c,
-        'b: 'c,
-        Self: 'c,
-    {
-        Box::pin(async move {
-            let mut result: ListResult = self.store.list_with_delimiter(prefix.map(Path::from).as_ref()).await?;
-            // Another page has other names.
-            let token = options.page_token.as_deref();
-            for object in &mut result.objects {
-                object.location = Path::from(format!("{}{}", object.location, token.unwrap_or_default()));
-            }
-            Ok(PaginatedListResult { result, page_token: (self.next)(token) })
-        })
-    }
-}
-
 #[test]
-fn a_listing_without_end_is_refused_and_one_of_many_pages_is_read() {
+fn a_listing_has_files_and_folders_and_one_without_end_is_refused() {
     let store = bucket();
-    let list = |next| {
-        let pages: Option<Pages> = Some(Arc::new(Lister { store: Arc::clone(&store), next }));
-        let url = Url::parse("s3://bucket/sets/one").unwrap();
-        let remote = Remote::new(&url, Arc::clone(&store) as _, pages, Path::from("sets/one")).unwrap();
-        remote.list("attempts").map(|listing| listing.unwrap().len())
-    };
-    fn number(token: Option<&str>) -> u32 {
-        token.map_or(0, |token| token.parse().unwrap())
-    }
-    assert_eq!(list(|_| None).unwrap(), 2);
-    assert_eq!(
-        list(|token| Some(number(token) + 1).filter(|page| *page < 5).map(|page| page.to_string())).unwrap(),
-        10
-    );
-    for endless in
-        [|_: Option<&str>| Some("same".to_owned()), |token: Option<&str>| Some((number(token) + 1).to_string())]
-    {
-        assert_eq!(list(endless).unwrap_err().exit_code(), ExitCode::Config);
-    }
+    let listing = storage(&store, "sets/one", Fault::default()).list("").unwrap().unwrap();
+    let folders: Vec<&str> = listing.iter().filter(|(_, size)| size.is_none()).map(|(name, _)| name.as_str()).collect();
+    assert_eq!((listing.len(), &folders[..]), (6, &["attempts", "meta", "objects", "scenes"][..]));
+    let folder = Path::from("sets/one");
+    let runtime = Builder::new_current_thread().build().unwrap();
+    let object = runtime.block_on(store.head(&folder.clone().join("_SUCCESS"))).unwrap();
+    let endless = futures_util::stream::iter(std::iter::repeat_with(|| Ok(object.clone())));
+    assert_eq!(runtime.block_on(listed(endless, &folder)).unwrap_err().kind(), io::ErrorKind::InvalidInput);
 }
 
 fn draft(store: &Arc<InMemory>, fault: Fault) -> Draft {
