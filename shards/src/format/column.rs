@@ -162,11 +162,6 @@ pub struct Form {
     pub has_repeats: bool,
 }
 
-impl Form {
-    /// For the table whose columns depend on nothing.
-    pub(crate) const ANY: Self = Self { resolution: 0, has_hands: false, has_containers: false, has_repeats: false };
-}
-
 const OBJECTS: &[Column] = &[
     column("scene_id", Kind::I64, "The scene; key into `scenes`"),
     column("object_id", Kind::I32, "Number of the object in its scene, from 0"),

@@ -260,7 +260,7 @@ fn wrong(name: &str) -> String {
 mod tests {
     use super::*;
     use crate::format::encode;
-    use crate::synthetic;
+    use crate::{Table, synthetic};
 
     #[test]
     fn a_scene_of_another_hand_is_damaged() {
@@ -268,9 +268,9 @@ mod tests {
         info.grid.resolution = 2;
         let other = schema::Gripper { name: "other".to_owned(), ..info.gripper.clone() };
         info.grippers = vec![info.gripper.clone(), other];
-        let rows = [0, 1].map(|scene| synthetic::scene_rows(scene, info.seed, &info).scene);
-        let batch = encode::scenes(&rows, &info).unwrap();
-        assert_eq!(scenes(&batch, &info).unwrap(), rows);
+        let rows = [0, 1].map(|scene| synthetic::scene_rows(scene, info.seed, &info));
+        let batch = encode::batch(Table::Scenes, &rows, &info).unwrap();
+        assert_eq!(scenes(&batch, &info).unwrap(), rows.map(|rows| rows.scene));
         info.grippers.swap(0, 1);
         let told = scenes(&batch, &info).unwrap_err();
         assert_eq!(told, "scene 0 must have the gripper other, got synthetic_80");

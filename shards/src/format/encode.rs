@@ -12,16 +12,25 @@ use arrow_buffer::OffsetBuffer;
 use arrow_schema::ArrowError;
 use schema::{
     Approach, AttemptRecord, Axis, ContainerKind, HitKind, Model, ObjectRecord, Outcome, Pose, Rule, SceneRecord,
-    Shape, View,
+    SceneRows, Shape, View,
 };
 
-use crate::format::column::{Form, element, view_fields, voxel_type};
+use crate::format::column::{element, view_fields, voxel_type};
 use crate::{DatasetInfo, Table};
 
 type Encoded<T> = Result<T, ArrowError>;
 
-/// The `attempts` table of a dataset.
-pub(crate) fn attempts(rows: &[AttemptRecord], info: &DatasetInfo) -> Encoded<RecordBatch> {
+/// The rows that some scenes have in a table.
+pub(crate) fn batch(table: Table, rows: &[SceneRows], info: &DatasetInfo) -> Encoded<RecordBatch> {
+    let columns = match table {
+        Table::Attempts => attempts(&rows.iter().flat_map(|r| &r.attempts).collect::<Vec<_>>(), info),
+        Table::Scenes => scenes(&rows.iter().map(|r| &r.scene).collect::<Vec<_>>(), info),
+        Table::Objects => objects(&rows.iter().flat_map(|r| &r.objects).collect::<Vec<_>>(), &info.models),
+    };
+    RecordBatch::try_new(table.arrow_schema(info.form()), columns?)
+}
+
+fn attempts(rows: &[&AttemptRecord], info: &DatasetInfo) -> Encoded<Vec<ArrayRef>> {
     let models = &info.models;
     // Names of what goes beyond Appendix A are only in the dictionaries of such datasets, so others keep their bytes.
     let last = rows.iter().map(|r| r.rule.approach.index()).max().unwrap_or_default().max(Axis::Z as usize);
@@ -47,7 +56,7 @@ pub(crate) fn attempts(rows: &[AttemptRecord], info: &DatasetInfo) -> Encoded<Re
         f32s(rows.iter().map(|r| r.depth_m)),
         f32s(rows.iter().map(|r| r.slide_m)),
     ];
-    columns.extend(pose(rows, |r| &r.workspace_from_grasp));
+    columns.extend(pose(&rows.iter().map(|r| &r.workspace_from_grasp).collect::<Vec<_>>()));
     columns.extend([
         names(&Outcome::ALL.map(Outcome::name), rows.iter().map(|r| Some(r.outcome as usize)))?,
         names(&hits, rows.iter().map(|r| r.hit.map(|hit| hit as usize)))?,
@@ -55,16 +64,15 @@ pub(crate) fn attempts(rows: &[AttemptRecord], info: &DatasetInfo) -> Encoded<Re
             rows.iter().map(|r| r.hit_object_id.map(to_i32).transpose()).collect::<Encoded<Vec<_>>>()?,
         )),
         Arc::new(Float32Array::from_iter(rows.iter().map(|r| r.width_m))),
-        Arc::new(UInt8Array::from_iter_values(rows.iter().map(AttemptRecord::label))),
+        Arc::new(UInt8Array::from_iter_values(rows.iter().map(|r| r.label()))),
     ]);
     if info.has_repeats() {
         columns.push(Arc::new(Float32Array::from_iter(rows.iter().map(|r| r.robustness))));
     }
-    RecordBatch::try_new(Table::Attempts.arrow_schema(info.form()), columns)
+    Ok(columns)
 }
 
-/// The `objects` table of a dataset with these models.
-pub(crate) fn objects(rows: &[ObjectRecord], models: &[Arc<Model>]) -> Encoded<RecordBatch> {
+fn objects(rows: &[&ObjectRecord], models: &[Arc<Model>]) -> Encoded<Vec<ArrayRef>> {
     let mut columns = vec![
         i64s(rows.iter().map(|r| r.scene_id))?,
         i32s(rows.iter().map(|r| r.object_id))?,
@@ -76,12 +84,11 @@ pub(crate) fn objects(rows: &[ObjectRecord], models: &[Arc<Model>]) -> Encoded<R
         f32s(rows.iter().map(|r| r.mass_kg)),
         f32s(rows.iter().map(|r| r.friction)),
     ];
-    columns.extend(pose(rows, |r| &r.workspace_from_object));
-    RecordBatch::try_new(Table::Objects.arrow_schema(Form::ANY), columns)
+    columns.extend(pose(&rows.iter().map(|r| &r.workspace_from_object).collect::<Vec<_>>()));
+    Ok(columns)
 }
 
-/// The `scenes` table of a dataset.
-pub(crate) fn scenes(rows: &[SceneRecord], info: &DatasetInfo) -> Encoded<RecordBatch> {
+fn scenes(rows: &[&SceneRecord], info: &DatasetInfo) -> Encoded<Vec<ArrayRef>> {
     let form = info.form();
     let mut columns = vec![
         i64s(rows.iter().map(|r| r.scene_id))?,
@@ -110,23 +117,16 @@ pub(crate) fn scenes(rows: &[SceneRecord], info: &DatasetInfo) -> Encoded<Record
             Arc::new(Float32Array::from_iter(sizes))
         }));
     }
-    RecordBatch::try_new(Table::Scenes.arrow_schema(form), columns)
+    Ok(columns)
 }
 
-fn pose<R>(rows: &[R], of: impl Fn(&R) -> &Pose) -> Vec<ArrayRef> {
-    let part = |value: fn(&Pose) -> f32| f32s(rows.iter().map(|r| value(of(r))));
-    vec![
-        part(|p| p.translation.x),
-        part(|p| p.translation.y),
-        part(|p| p.translation.z),
-        part(|p| p.rotation.x),
-        part(|p| p.rotation.y),
-        part(|p| p.rotation.z),
-        part(|p| p.rotation.w),
-    ]
+/// The columns of some poses: x, y, z and a quaternion.
+fn pose(poses: &[&Pose]) -> impl Iterator<Item = ArrayRef> {
+    let positions = (0..3).map(move |at| f32s(poses.iter().map(|pose| pose.translation[at])));
+    positions.chain((0..4).map(move |at| f32s(poses.iter().map(|pose| pose.rotation.to_array()[at]))))
 }
 
-fn views(rows: &[SceneRecord]) -> Encoded<ArrayRef> {
+fn views(rows: &[&SceneRecord]) -> Encoded<ArrayRef> {
     let all: Vec<&View> = rows.iter().flat_map(|r| &r.views).collect();
     let columns = vec![
         f32s(all.iter().map(|v| v.radius_m)),
@@ -139,7 +139,7 @@ fn views(rows: &[SceneRecord]) -> Encoded<ArrayRef> {
     Ok(Arc::new(ListArray::try_new(field, offsets, Arc::new(values), None)?))
 }
 
-fn voxels(rows: &[SceneRecord], resolution: usize) -> Encoded<ArrayRef> {
+fn voxels(rows: &[&SceneRecord], resolution: usize) -> Encoded<ArrayRef> {
     let mut values = Vec::with_capacity(rows.len() * resolution.pow(3));
     for row in rows {
         values.extend_from_slice(&row.tsdf);

@@ -19,7 +19,7 @@ use crate::format::seal;
 pub struct DatasetInfo {
     /// What the file is: [`Self::ABOUT`].
     pub about: String,
-    /// Version of the format on disk: the lowest that describes the dataset, so that older programs read it if they can.
+    /// Version of the format on disk: the lowest that describes the dataset, so that older programs can read it.
     pub format_version: u32,
     /// Version of the code that makes the rows; another version makes another dataset.
     pub code_version: String,

@@ -42,7 +42,7 @@ pub(crate) const OBJECT_BYTES_MAX: u64 = 4 << 30;
 const ANSWER: Duration = Duration::from_secs(40);
 const ASKS_MAX: u32 = 3;
 const LISTING: Duration = Duration::from_secs(300);
-/// Most objects in a listing, more than a dataset has. A store that invents names or repeats itself would go on for ever.
+/// Most objects in a listing, more than a dataset has. A store that invents names or repeats itself would never end.
 const LISTED_MAX: usize = 5 * SHARDS_MAX as usize;
 /// Number of uploads of an object if the answer is lost or the store is busy, and the pause between them.
 const PUTS_MAX: u32 = 3;

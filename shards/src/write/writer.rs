@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use program::{ExitCode, Failure};
-use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
+use schema::SceneRows;
 
 use crate::format::check;
 use crate::format::summary::{Counts, FileSummary, ShardSummary};
@@ -24,9 +24,10 @@ pub struct ShardWriter {
     scenes: Range<u64>,
     next: u64,
     counts: Counts,
-    attempts: (TableWriter, Vec<AttemptRecord>),
-    objects: (TableWriter, Vec<ObjectRecord>),
-    grids: (TableWriter, Vec<SceneRecord>),
+    /// In the order of [`Table::ALL`].
+    files: [TableWriter; 3],
+    /// Scenes that are not encoded yet.
+    pending: Vec<SceneRows>,
 }
 
 impl std::fmt::Debug for ShardWriter {
@@ -45,9 +46,8 @@ impl ShardWriter {
         let open = |table| TableWriter::create(&storage, table, sizes, info.form());
         let scenes = info.scenes_of(shard);
         Ok(Self {
-            attempts: (open(Table::Attempts)?, Vec::new()),
-            objects: (open(Table::Objects)?, Vec::new()),
-            grids: (open(Table::Scenes)?, Vec::new()),
+            files: [open(Table::Attempts)?, open(Table::Scenes)?, open(Table::Objects)?],
+            pending: Vec::new(),
             info: info.clone(),
             dataset_id: dataset_id.to_owned(),
             storage,
@@ -72,12 +72,10 @@ impl ShardWriter {
             Failure::new(ExitCode::Internal, text)
         })?;
         self.counts.count(rows);
-        self.attempts.1.extend_from_slice(&rows.attempts);
-        self.objects.1.extend_from_slice(&rows.objects);
-        self.grids.1.push(rows.scene.clone());
+        self.pending.push(rows.clone());
         self.next += 1;
         let ends_row_group = (self.next - self.scenes.start).is_multiple_of(SCENES_PER_ROW_GROUP);
-        if ends_row_group || self.grids.1.len() >= SCENES_PER_BATCH {
+        if ends_row_group || self.pending.len() >= SCENES_PER_BATCH {
             self.write_batch(ends_row_group)?;
         }
         Ok(())
@@ -90,20 +88,16 @@ impl ShardWriter {
     }
 
     fn write_batch(&mut self, ends_row_group: bool) -> Result<(), Failure> {
-        let made = |table, batch: Result<_, arrow_schema::ArrowError>| batch.map_err(|e| unwritten(table, &e));
-        if !self.grids.1.is_empty() {
-            self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1, &self.info))?)?;
-            self.objects.0.write(&made(Table::Objects, encode::objects(&self.objects.1, &self.info.models))?)?;
-            self.grids.0.write(&made(Table::Scenes, encode::scenes(&self.grids.1, &self.info))?)?;
-        }
-        self.attempts.1.clear();
-        self.objects.1.clear();
-        self.grids.1.clear();
-        if ends_row_group {
-            for table in [&mut self.attempts.0, &mut self.objects.0, &mut self.grids.0] {
-                table.flush()?;
+        for (table, file) in Table::ALL.into_iter().zip(&mut self.files) {
+            if !self.pending.is_empty() {
+                let batch = encode::batch(table, &self.pending, &self.info);
+                file.write(&batch.map_err(|e| unwritten(table, &e))?)?;
+            }
+            if ends_row_group {
+                file.flush()?;
             }
         }
+        self.pending.clear();
         Ok(())
     }
 
@@ -133,7 +127,7 @@ impl ShardWriter {
             Some(before) => compare(shard, &marker, &before, &text)?,
             None => false,
         };
-        for (table, file) in files {
+        for (table, file) in Table::ALL.into_iter().zip(files) {
             publish(&storage, shard, file, summary.file(table), is_proven)?;
         }
         storage.check_in_place(&summary.dataset_id)?;
@@ -145,20 +139,17 @@ impl ShardWriter {
         Ok(summary)
     }
 
-    /// Writes the footers.
-    fn finish(mut self) -> Result<Finished, Failure> {
+    /// Writes the footers. Returns the files, complete but not published yet, where they lie, and what the marker says
+    /// of them.
+    fn finish(mut self) -> Result<(Storage, [Ready; 3], ShardSummary), Failure> {
         self.write_batch(false)?;
-        let (attempts_file, attempts) = self.attempts.0.finish()?;
-        let (objects_file, objects) = self.objects.0.finish()?;
-        let (scenes_file, scenes) = self.grids.0.finish()?;
-        let Self { storage, dataset_id, shard, counts, .. } = self;
-        let files = [(Table::Attempts, attempts_file), (Table::Objects, objects_file), (Table::Scenes, scenes_file)];
-        Ok((storage, files, ShardSummary { dataset_id, shard, attempts, scenes, objects, counts }))
+        let Self { storage, dataset_id, shard, counts, files: [attempts, scenes, objects], .. } = self;
+        let [(first, attempts), (second, scenes), (third, objects)] =
+            [attempts.finish()?, scenes.finish()?, objects.finish()?];
+        let summary = ShardSummary { dataset_id, shard, attempts, scenes, objects, counts };
+        Ok((storage, [first, second, third], summary))
     }
 }
-
-/// A shard's complete files, not published yet, where they lie, and what the marker says of them.
-type Finished = (Storage, [(Table, Ready); 3], ShardSummary);
 
 /// Publishes a file, or finds an equal one. A different one is replaced only if ours is proven to be correct.
 fn publish(storage: &Storage, shard: u32, file: Ready, summary: &FileSummary, is_proven: bool) -> Result<(), Failure> {
