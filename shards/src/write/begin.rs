@@ -31,7 +31,7 @@ impl Draft {
             return refused(format!("the dataset must go to a folder, got a file: {}", dir.display()));
         }
         let text = info.to_json();
-        // Again after the look, because another process may be beginning the same dataset, and publishes the info first.
+        // Again after the look: another process may be beginning the same dataset, and publishes the info first.
         let has_info = || storage.size(layout::INFO).map(|size| size.is_some());
         if !has_info()?
             && let Some(entry) = first_foreign_entry(&storage)?
