@@ -7,7 +7,7 @@ use program::{ExitCode, Failure};
 
 use crate::format::summary::{Manifest, ShardSummary};
 use crate::format::{layout, seal};
-use crate::store::{Listing, Sweep, file_name, size_in, size_problem};
+use crate::store::{Sweep, file_name, size_in};
 use crate::write::card;
 use crate::{Draft, Table};
 
@@ -29,7 +29,7 @@ impl Draft {
     /// # Errors
     /// [`Failure`] if the disk refuses.
     pub fn missing(&self) -> Result<Vec<u32>, Failure> {
-        self.committed(|_| ())
+        self.committed().map(|(_, missing)| missing)
     }
 
     /// The shards without a marker, in order: a quick check before a complete one.
@@ -42,37 +42,29 @@ impl Draft {
         Ok((0..self.info.shard_count).filter(|shard| !has_marker(shard)).collect())
     }
 
-    /// Passes on the marker of every committed shard, in order; returns the indices of the others.
-    fn committed(&self, mut take: impl FnMut(ShardSummary)) -> Result<Vec<u32>, Failure> {
-        let listings = self.listings()?;
-        let (mut missing, mut doubtful) = (Vec::new(), Vec::new());
-        let mut next = 0;
+    /// The markers of the committed shards, in order, and the indices of the others.
+    fn committed(&self) -> Result<(Vec<ShardSummary>, Vec<u32>), Failure> {
+        let (mut committed, mut missing) = (Vec::<ShardSummary>::new(), Vec::new());
         let names = (0..self.info.shard_count).map(layout::marker);
         self.storage.read_each(names, |marker| {
-            let shard = next;
-            next += 1;
+            let shard = (committed.len() + missing.len()) as u32; // below the number of shards
             match marker.and_then(|bytes| self.summary(shard, bytes)) {
-                Some(summary) => {
-                    if !is_listed(&summary, &listings) {
-                        doubtful.push(summary.clone());
-                    }
-                    take(summary);
-                }
+                Some(summary) => committed.push(summary),
                 None => missing.push(shard),
             }
         })?;
-        if !doubtful.is_empty() {
-            // They may have been committed after the listing.
-            let listings = self.listings()?;
-            doubtful.retain(|summary| !is_listed(summary, &listings));
-            missing.extend(doubtful.iter().map(|summary| summary.shard));
-            missing.sort_unstable();
+        // Listed after the markers were read: a shard's files are published before its marker.
+        for table in Table::ALL {
+            let listing = self.storage.must_list(table.name())?;
+            committed.retain(|summary| {
+                let file = summary.file(table);
+                let is_there = size_in(&listing, &file.path) == Some(file.bytes);
+                missing.extend((!is_there).then_some(summary.shard));
+                is_there
+            });
         }
-        Ok(missing)
-    }
-
-    fn listings(&self) -> Result<Vec<(Table, Listing)>, Failure> {
-        Table::ALL.into_iter().map(|table| Ok((table, self.storage.must_list(table.name())?))).collect()
+        missing.sort_unstable();
+        Ok((committed, missing))
     }
 
     /// Writes `README.md`, `meta/manifest.json` and `_SUCCESS` if every shard exists. An existing card remains, because
@@ -81,8 +73,7 @@ impl Draft {
     /// # Errors
     /// [`Failure`] if the storage fails, or a different manifest exists.
     pub fn finalize(&self) -> Result<Finalized, Failure> {
-        let mut shards = Vec::new();
-        let missing = self.committed(|summary| shards.push(summary))?;
+        let (shards, missing) = self.committed()?;
         if let Some(first) = missing.first() {
             self.must_not_be_of_another(*first)?;
             return Ok(Finalized::Incomplete { missing });
@@ -133,12 +124,4 @@ impl Draft {
         );
         Err(Failure::new(ExitCode::Data, text))
     }
-}
-
-/// Whether a shard's files are listed with the marker's sizes.
-fn is_listed(summary: &ShardSummary, listings: &[(Table, Listing)]) -> bool {
-    listings.iter().all(|(table, listing)| {
-        let file = summary.file(*table);
-        size_problem(file, size_in(listing, &file.path)).is_none()
-    })
 }
