@@ -70,7 +70,7 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
         if ids.is_empty() {
             break;
         }
-        let mut scenes = dataset.rows(shard)?.take((ids.end - ids.start) as usize); // at most a shard's
+        let mut scenes = dataset.rows(shard, false)?.take((ids.end - ids.start) as usize); // at most a shard's
         loop {
             let some: Vec<SceneRows> = scenes.by_ref().take(SCENES_AT_ONCE).collect::<Result<_, _>>()?;
             if some.is_empty() {

@@ -104,7 +104,7 @@ const NEIGHBOUR_BIN_M: f64 = 0.02;
 pub fn report(dataset: &Dataset) -> Result<Report, Failure> {
     let mut counting = Counting::new(dataset);
     for shard in 0..dataset.shard_count() {
-        for rows in dataset.rows(shard)? {
+        for rows in dataset.rows(shard, false)? {
             counting.count_scene(&rows?);
         }
     }

@@ -300,8 +300,7 @@ class Dataset:
 
     def verify(self) -> list[str]:
         """Reads and checks everything. Returns the problems, or an empty list."""
-        problems, more = self._native.verify()
-        return problems + ([f"… and {more} more problems"] if more else [])
+        return self._native.verify()
 
     def report(self) -> dict[str, Any]:
         """Statistics, as ``graspmill dataset report --json`` has them."""

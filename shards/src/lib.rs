@@ -60,6 +60,6 @@ pub use format::summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardS
 pub use format::{ATTEMPTS_MAX, DatasetInfo, Form, RESOLUTION_MAX, SHARDS_MAX, Table};
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;
-pub use read::{ArrowStream, Dataset, PROBLEMS_MAX, Verified, read_plain_table, verify};
+pub use read::{ArrowStream, Dataset, Verified, read_plain_table, verify};
 pub use store::{Location, Sweep, Swept};
 pub use write::{Draft, Finalized, PlainColumn, ShardWriter, plain_table, pose_columns};

@@ -156,7 +156,7 @@ impl Dataset {
         self.objects(shard)?.collect()
     }
 
-    pub(crate) fn attempts(&self, shard: u32) -> Result<impl Iterator<Item = Result<AttemptRecord, Failure>>, Failure> {
+    fn attempts(&self, shard: u32) -> Result<impl Iterator<Item = Result<AttemptRecord, Failure>>, Failure> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
         let scenes = self.scenes_of(shard)?;
         let mut ids = scenes.flat_map(|scene| (0..self.info.attempts_of_scene(scene)).map(move |id| (scene, id)));
@@ -168,7 +168,7 @@ impl Dataset {
         self.checked(shard, Table::Attempts, part, |batch| decode::attempts(batch, &self.info), check)
     }
 
-    pub(crate) fn objects(&self, shard: u32) -> Result<impl Iterator<Item = Result<ObjectRecord, Failure>>, Failure> {
+    fn objects(&self, shard: u32) -> Result<impl Iterator<Item = Result<ObjectRecord, Failure>>, Failure> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
         let scenes = self.scenes_of(shard)?;
         let (mut next_scene, mut next_id) = (scenes.start, 0);
@@ -296,13 +296,14 @@ impl Dataset {
         }))
     }
 
-    /// Iterates over all rows of a shard, a scene at a time, without the grids: `tsdf` is empty, and few bytes are read.
-    /// The rows of a scene fit together.
+    /// Iterates over all rows of a shard, a scene at a time. The rows of a scene fit together. Without the grids `tsdf`
+    /// is empty, and few bytes are read.
     ///
     /// # Errors
     /// [`Failure`] if a file is damaged; each item is an error if a row breaks a rule.
-    pub fn rows(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRows, Failure>>, Failure> {
-        Ok(self.joined(shard, self.scenes_with(shard, Some("tsdf"), None)?)?.map(move |rows| {
+    pub fn rows(&self, shard: u32, grids: bool) -> Result<impl Iterator<Item = Result<SceneRows, Failure>>, Failure> {
+        let scenes = self.scenes_with(shard, (!grids).then_some("tsdf"), None)?;
+        Ok(self.joined(shard, scenes)?.map(move |rows| {
             let rows = rows?;
             check::joined(&rows)
                 .map_err(|e| self.wrong(shard, Table::Attempts, &format!("scene {}: {e}", rows.scene.scene_id)))?;
@@ -312,7 +313,7 @@ impl Dataset {
 
     /// Adds to each of some scenes of a shard its rows of the other tables, which are in the same order. Whether they
     /// fit together is not checked.
-    pub(crate) fn joined(
+    fn joined(
         &self,
         shard: u32,
         scenes: impl Iterator<Item = Result<SceneRecord, Failure>>,
@@ -384,7 +385,7 @@ impl Dataset {
         opened.map_err(|message| self.wrong(shard, table, &message))
     }
 
-    pub(crate) fn wrong(&self, shard: u32, table: Table, message: &str) -> Failure {
+    fn wrong(&self, shard: u32, table: Table, message: &str) -> Failure {
         let at = self.storage.location(&layout::table_file(table, shard, self.info.shard_count));
         Failure::new(ExitCode::Data, format!("shard {shard}: {message}: {at}"))
     }
@@ -396,7 +397,7 @@ fn out_of_range(what: &str, limit: u64, got: u64) -> Failure {
 }
 
 /// The next rows for which a condition holds.
-pub(crate) fn take_while_is<R, E>(
+fn take_while_is<R, E>(
     rows: &mut Peekable<impl Iterator<Item = Result<R, E>>>,
     holds: impl Fn(&R) -> bool,
 ) -> Result<Vec<R>, E> {

@@ -22,7 +22,7 @@ fn read_all(dir: &Path) -> Result<(), Failure> {
 /// The code with which `graspmill dataset verify` would end.
 fn verified(dir: &Path) -> ExitCode {
     match verify(dir, |_| ()) {
-        Ok(verified) => verified.exit_code(),
+        Ok(verified) => verified.exit_code,
         Err(e) => e.exit_code(),
     }
 }

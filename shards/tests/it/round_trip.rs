@@ -19,7 +19,7 @@ fn read_back(dir: &std::path::Path, info: &DatasetInfo) {
         assert!(objects.iter().eq(written.iter().flat_map(|rows| &rows.objects)));
         let scenes: Vec<_> = dataset.scenes(shard).unwrap().map(Result::unwrap).collect();
         assert!(scenes.iter().eq(written.iter().map(|rows| &rows.scene)));
-        let heads: Vec<_> = dataset.rows(shard).unwrap().map(|rows| rows.unwrap().scene).collect();
+        let heads: Vec<_> = dataset.rows(shard, false).unwrap().map(|rows| rows.unwrap().scene).collect();
         assert!(heads.iter().map(|s| (&s.views, s.object_count)).eq(scenes.iter().map(|s| (&s.views, s.object_count))));
         assert!(heads.iter().all(|s| s.tsdf.is_empty()));
         for rows in written {
