@@ -3,7 +3,8 @@
 use std::fs::File;
 use std::path::Path;
 
-use arrow::{Array as _, Float32Array, StringArray, UInt64Array};
+use arrow::cast::AsArray as _;
+use arrow::types::{Float32Type, UInt64Type};
 use arrow_schema::DataType;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use program::{Context as _, ExitCode, Failure};
@@ -41,19 +42,11 @@ fn columns(file: File, rows_max: usize) -> Result<Vec<(String, PlainColumn)>, St
     for batch in builder.build().map_err(|error| failed(&error))? {
         let batch = batch.map_err(|error| failed(&error))?;
         for ((_, column), array) in columns.iter_mut().zip(batch.columns()) {
-            let array = array.as_any();
             match column {
-                PlainColumn::Whole(all) => {
-                    all.extend(
-                        array.downcast_ref::<UInt64Array>().into_iter().flat_map(|a| a.values().iter().copied()),
-                    );
-                }
-                PlainColumn::Real(all) => {
-                    all.extend(array.downcast_ref::<Float32Array>().into_iter().flatten());
-                }
+                PlainColumn::Whole(all) => all.extend_from_slice(array.as_primitive::<UInt64Type>().values()),
+                PlainColumn::Real(all) => all.extend(array.as_primitive::<Float32Type>()),
                 PlainColumn::Text(all) => {
-                    let values = array.downcast_ref::<StringArray>().into_iter();
-                    all.extend(values.flat_map(|a| (0..a.len()).map(|at| a.value(at).to_owned())));
+                    all.extend(array.as_string::<i32>().iter().map(|text| text.unwrap_or_default().to_owned()));
                 }
             }
         }
