@@ -67,8 +67,5 @@ fn or_exit(pointer: *mut u8, size: usize) -> *mut u8 {
 fn out_of_memory(size: usize) -> ! {
     // Neither the line nor the exit allocates.
     let _ = writeln!(io::stderr(), "error: out of memory: {size} bytes could not be allocated");
-    #[cfg(unix)]
-    signal_hook::low_level::exit(ExitCode::TryAgain as i32);
-    #[cfg(not(unix))]
-    std::process::abort();
+    signal_hook::low_level::exit(ExitCode::TryAgain as i32)
 }

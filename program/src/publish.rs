@@ -2,6 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, Write};
+use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt};
 use std::path::Path;
 
 /// Writes a file and replaces an existing one. After a crash either the old or the new file exists, complete. A device
@@ -19,7 +20,7 @@ pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     staging.write_all(bytes)?;
     staging.as_file().sync_all()?;
     staging.persist(path)?;
-    if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
+    File::open(folder)?.sync_all()
 }
 
 /// Opens a device or a pipe to write. A pipe that nobody reads would block for ever, also a program that is told to
@@ -27,21 +28,16 @@ pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
 fn device(path: &Path) -> io::Result<File> {
     let mut options = File::options();
     options.write(true);
-    #[cfg(unix)]
-    let _at_once = {
-        let unread = |error: io::Error| match error.raw_os_error() {
-            Some(ENXIO) => io::Error::new(io::ErrorKind::InvalidInput, "it is a socket, or a pipe that nobody reads"),
-            _ => error,
-        };
-        std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options.clone(), O_NONBLOCK).open(path).map_err(unread)?
+    let unread = |error: io::Error| match error.raw_os_error() {
+        Some(ENXIO) => io::Error::new(io::ErrorKind::InvalidInput, "it is a socket, or a pipe that nobody reads"),
+        _ => error,
     };
+    let _at_once = options.clone().custom_flags(O_NONBLOCK).open(path).map_err(unread)?;
     options.open(path)
 }
 
 // The system's numbers.
-#[cfg(unix)]
 const ENXIO: i32 = 6;
-#[cfg(unix)]
 const O_NONBLOCK: i32 = if cfg!(target_os = "linux") { 0o4000 } else { 4 };
 
 /// Removes what killed writers of [`publish`] left in a folder in which no other process writes now.
@@ -73,8 +69,8 @@ const SUFFIX: &str = ".tmp";
 fn staging() -> tempfile::Builder<'static, 'static> {
     let mut staging = tempfile::Builder::new();
     staging.prefix(PREFIX).rand_bytes(RANDOM_LENGTH).suffix(SUFFIX);
-    #[cfg(unix)] // the mode of any new file; that of temporary files lets only their owner read them
-    staging.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    // The mode of any new file; that of temporary files lets only their owner read them.
+    staging.permissions(PermissionsExt::from_mode(0o666));
     staging
 }
 
@@ -106,7 +102,6 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5);
     }
 
-    #[cfg(unix)]
     #[test]
     fn a_pipe_is_written_to_where_somebody_reads_it() {
         let folder = tempfile::tempdir().unwrap();

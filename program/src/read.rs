@@ -82,7 +82,6 @@ mod tests {
         assert_eq!(read(&path, 4).unwrap_err().kind(), ErrorKind::InvalidData);
     }
 
-    #[cfg(unix)]
     #[test]
     fn special_files_are_refused_without_waiting_for_them() {
         let folder = tempfile::tempdir().unwrap();

@@ -44,13 +44,6 @@ pub fn stop_on_signals(on_first: impl Fn() + Send + 'static) -> io::Result<Arc<A
 ///
 /// # Errors
 /// If the system refuses.
-#[cfg(unix)]
 pub(crate) fn writes_fail_at_the_file_size_limit() -> io::Result<()> {
     signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).map(drop)
-}
-
-/// Elsewhere there is no such signal.
-#[cfg(not(unix))]
-pub(crate) fn writes_fail_at_the_file_size_limit() -> io::Result<()> {
-    Ok(())
 }

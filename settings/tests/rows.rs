@@ -206,7 +206,6 @@ fn tables_that_may_be_left_out_and_lists_of_tables_show_their_keys() {
     assert_eq!((rows[0].kind.as_str(), rows[4].kind.as_str()), ("a table, or left out", "a list, each a table"));
 }
 
-#[cfg(unix)]
 #[test]
 fn a_file_without_an_end_is_refused() {
     let error = Document::load(Some(Path::new("/dev/zero")), ["", ""]).unwrap_err();

@@ -293,7 +293,6 @@ mod tests {
         drop(unfinished);
     }
 
-    #[cfg(unix)]
     #[test]
     fn a_pipe_with_a_staging_name_does_not_block_a_sweep() {
         let folder = tempfile::tempdir().unwrap();

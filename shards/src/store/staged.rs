@@ -193,7 +193,7 @@ fn unless_swept(error: io::Error, target: &Path) -> io::Error {
 /// parents of users' folders.
 pub(crate) fn sync_folder(folder: Option<&Path>, fault: &Fault) -> Result<(), Failure> {
     use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
-    let Some(folder) = folder.filter(|_| cfg!(unix)) else { return Ok(()) };
+    let Some(folder) = folder else { return Ok(()) };
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     match fault.check().and_then(|()| File::open(folder)).and_then(|f| f.sync_all()) {
         Err(e) if !matches!(e.kind(), InvalidInput | PermissionDenied | Unsupported) => {

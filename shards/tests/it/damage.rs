@@ -179,7 +179,6 @@ fn every_damaged_shard_is_told_not_only_the_first() {
 }
 
 /// Such as a missing right: running again does not help, and nothing says that the bytes are damaged.
-#[cfg(unix)]
 #[test]
 fn what_cannot_be_opened_is_neither_damaged_nor_a_matter_of_time() {
     let dir = tempfile::tempdir().unwrap();
