@@ -113,7 +113,7 @@ fn answered(answer: &clap::Error) -> Result<ExitCode, Failure> {
         Err(error) if !answer.use_stderr() && error.kind() != io::ErrorKind::BrokenPipe => {
             Err(error).context("failed to print")
         }
-        _ => Ok(ExitCode::from_code(answer.exit_code())),
+        _ => Ok(if answer.use_stderr() { ExitCode::Usage } else { ExitCode::Ok }),
     }
 }
 
