@@ -75,6 +75,7 @@ impl Exit for io::Error {
             ErrorKind::NotFound
             | ErrorKind::PermissionDenied
             | ErrorKind::InvalidFilename
+            | ErrorKind::AlreadyExists
             | ErrorKind::IsADirectory
             | ErrorKind::NotADirectory => ExitCode::Config,
             // The system's own EINVAL is another matter.

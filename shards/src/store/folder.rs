@@ -152,23 +152,13 @@ impl Store {
         Ok(())
     }
 
-    /// Creates a folder and its parents; flushes each parent.
+    /// Creates a folder and its parents. Its name survives a power cut; those of its parents once they are flushed.
     pub(crate) fn create_folder(&self, folder: &Path) -> Result<(), Failure> {
         if folder.is_dir() {
             return Ok(());
         }
-        if let Some(parent) = folder.parent().filter(|p| !p.as_os_str().is_empty()) {
-            self.create_folder(parent)?;
-        }
-        self.fault.check().map_err(failed("create a folder", folder))?;
-        match fs::create_dir(folder) {
-            Ok(()) => {}
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists && folder.is_dir() => {}
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
-                return Err(failed("create a folder", folder)(io::ErrorKind::NotADirectory.into()));
-            }
-            Err(e) => return Err(failed("create a folder", folder)(e)),
-        }
+        let created = self.fault.check().and_then(|()| fs::create_dir_all(folder));
+        created.map_err(failed("create a folder", folder))?;
         sync_folder(folder.parent(), &self.fault)
     }
 
