@@ -23,6 +23,7 @@ use crate::store::{Ready, Staged, Storage, Trouble};
 const ZSTD_LEVEL: i32 = 1;
 
 /// A table's file of one shard.
+#[derive(Debug)]
 pub(crate) struct TableWriter {
     table: Table,
     name: String,

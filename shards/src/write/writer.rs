@@ -16,6 +16,7 @@ use crate::{DatasetInfo, SCENES_PER_ROW_GROUP, Table};
 const SCENES_PER_BATCH: usize = 16;
 
 /// Writes one shard. If dropped before [`ShardWriter::commit`], it leaves no shard.
+#[derive(Debug)]
 pub struct ShardWriter {
     info: DatasetInfo,
     dataset_id: String,
@@ -28,12 +29,6 @@ pub struct ShardWriter {
     files: [TableWriter; 3],
     /// Scenes that are not encoded yet.
     pending: Vec<SceneRows>,
-}
-
-impl std::fmt::Debug for ShardWriter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ShardWriter").field("shard", &self.shard).field("next", &self.next).finish_non_exhaustive()
-    }
 }
 
 impl ShardWriter {
@@ -99,12 +94,6 @@ impl ShardWriter {
         }
         self.pending.clear();
         Ok(())
-    }
-
-    /// The shard.
-    #[must_use]
-    pub fn shard(&self) -> u32 {
-        self.shard
     }
 
     /// Commits the shard: the three files are published, then the marker, with which the shard exists. Existing files
