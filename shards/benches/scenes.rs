@@ -45,6 +45,6 @@ fn read_a_shard(bencher: divan::Bencher<'_, '_>) {
     Draft::open(dir.path()).expect("a draft").finalize().expect("a complete dataset");
     bencher.bench_local(|| {
         let dataset = Dataset::open(dir.path()).expect("a dataset");
-        dataset.scenes(0).expect("a shard").map(|scene| scene.expect("a scene").tsdf.len()).sum::<usize>()
+        dataset.rows(0, true).expect("a shard").map(|rows| rows.expect("a scene").scene.tsdf.len()).sum::<usize>()
     });
 }

@@ -36,8 +36,7 @@
 //! assert!(matches!(draft.finalize()?, shards::Finalized::Complete(_)));
 //!
 //! let dataset = shards::Dataset::open(dir)?;
-//! let attempts = dataset.read_attempts(0)?;
-//! assert_eq!(attempts, sample.read_attempts(0)?);
+//! assert_eq!(dataset.read_scene(0)?, sample.read_scene(0)?);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

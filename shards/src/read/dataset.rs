@@ -140,22 +140,6 @@ impl Dataset {
         self.info.shard_count
     }
 
-    /// All attempts of a shard, in order.
-    ///
-    /// # Errors
-    /// [`Failure`] if the file is damaged or a row breaks a rule.
-    pub fn read_attempts(&self, shard: u32) -> Result<Vec<AttemptRecord>, Failure> {
-        self.attempts(shard)?.collect()
-    }
-
-    /// All objects of a shard, in order.
-    ///
-    /// # Errors
-    /// [`Failure`] if the file is damaged or a row breaks a rule.
-    pub fn read_objects(&self, shard: u32) -> Result<Vec<ObjectRecord>, Failure> {
-        self.objects(shard)?.collect()
-    }
-
     fn attempts(&self, shard: u32) -> Result<impl Iterator<Item = Result<AttemptRecord, Failure>>, Failure> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
         let scenes = self.scenes_of(shard)?;
@@ -189,14 +173,6 @@ impl Dataset {
             Ok(())
         };
         self.checked(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models), check)
-    }
-
-    /// Iterates over the scenes of a shard; a few grids at a time are in memory.
-    ///
-    /// # Errors
-    /// [`Failure`] if the file is damaged; each item is an error if a row breaks a rule.
-    pub fn scenes(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Failure>>, Failure> {
-        self.scenes_with(shard, None, None)
     }
 
     /// Some scenes of a shard. `wanted` has their ids, ascending; no other grid is read. A few grids at a time are in

@@ -12,9 +12,7 @@ use crate::sample;
 fn read_all(dir: &Path) -> Result<(), Failure> {
     let dataset = Dataset::open(dir)?;
     for shard in 0..dataset.shard_count() {
-        dataset.read_attempts(shard)?;
-        dataset.read_objects(shard)?;
-        dataset.scenes(shard)?.try_for_each(|scene| scene.map(drop))?;
+        dataset.rows(shard, true)?.try_for_each(|rows| rows.map(drop))?;
     }
     Ok(())
 }

@@ -91,10 +91,7 @@ fn rows_and_models_come_back_as_they_were() {
     assert_eq!(dataset.info().format_version, 2);
     for shard in 0..info.shard_count {
         let written: Vec<SceneRows> = info.scenes_of(shard).map(|scene| rows(&info, scene)).collect();
-        let objects = dataset.read_objects(shard).unwrap();
-        assert!(objects.iter().eq(written.iter().flat_map(|rows| &rows.objects)));
-        let attempts = dataset.read_attempts(shard).unwrap();
-        assert!(attempts.iter().eq(written.iter().flat_map(|rows| &rows.attempts)));
+        assert!(dataset.rows(shard, true).unwrap().map(Result::unwrap).eq(written.iter().cloned()));
         for rows in written {
             assert_eq!(dataset.read_scene(rows.scene.scene_id).unwrap(), rows);
         }

@@ -3,7 +3,6 @@
 use crate::sample;
 
 use proptest::prelude::*;
-use schema::SceneRows;
 use shards::{Dataset, DatasetInfo};
 
 fn read_back(dir: &std::path::Path, info: &DatasetInfo) {
@@ -11,22 +10,16 @@ fn read_back(dir: &std::path::Path, info: &DatasetInfo) {
     assert_eq!(dataset.info(), info);
     for shard in 0..info.shard_count {
         let written = sample::rows(info, shard);
-        let all = |of: fn(&SceneRows) -> usize| written.iter().map(of).sum::<usize>();
-        let attempts = dataset.read_attempts(shard).unwrap();
-        assert_eq!(attempts.len(), all(|rows| rows.attempts.len()));
-        assert!(attempts.iter().eq(written.iter().flat_map(|rows| &rows.attempts)));
-        let objects = dataset.read_objects(shard).unwrap();
-        assert!(objects.iter().eq(written.iter().flat_map(|rows| &rows.objects)));
-        let scenes: Vec<_> = dataset.scenes(shard).unwrap().map(Result::unwrap).collect();
-        assert!(scenes.iter().eq(written.iter().map(|rows| &rows.scene)));
+        assert!(dataset.rows(shard, true).unwrap().map(Result::unwrap).eq(written.iter().cloned()));
         let heads: Vec<_> = dataset.rows(shard, false).unwrap().map(|rows| rows.unwrap().scene).collect();
-        assert!(heads.iter().map(|s| (&s.views, s.object_count)).eq(scenes.iter().map(|s| (&s.views, s.object_count))));
+        let scenes = written.iter().map(|rows| &rows.scene);
+        assert!(heads.iter().map(|s| (&s.views, s.object_count)).eq(scenes.map(|s| (&s.views, s.object_count))));
         assert!(heads.iter().all(|s| s.tsdf.is_empty()));
         for rows in written {
             assert_eq!(dataset.read_scene(rows.scene.scene_id).unwrap(), rows);
         }
     }
-    assert!(dataset.read_attempts(info.shard_count).is_err());
+    assert!(dataset.rows(info.shard_count, false).is_err());
     assert!(dataset.read_scene(info.scene_count).is_err());
 }
 

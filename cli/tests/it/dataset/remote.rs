@@ -125,9 +125,8 @@ fn a_dataset_reads_the_same_from_far_away() {
         assert_eq!(far.info(), near.info());
         assert_eq!(far.location().to_string(), server.url);
         for shard in 0..2 {
-            assert_eq!(far.read_attempts(shard).unwrap(), near.read_attempts(shard).unwrap());
-            let scenes = |dataset: &Dataset| dataset.scenes(shard).unwrap().map(Result::unwrap).collect::<Vec<_>>();
-            assert_eq!(scenes(&far), scenes(&near));
+            let rows = |dataset: &Dataset| dataset.rows(shard, true).unwrap().map(Result::unwrap).collect::<Vec<_>>();
+            assert_eq!(rows(&far), rows(&near));
         }
         assert_eq!(far.read_scene(7).unwrap(), near.read_scene(7).unwrap());
         assert!(verify(server.location(), |_| ()).unwrap().is_ok());
@@ -148,7 +147,7 @@ fn damage_is_65_and_named() {
             None => std::fs::remove_file(place.file()).unwrap(),
         }
         let dataset = Dataset::open(server.location()).unwrap();
-        let error = dataset.scenes(1).map(drop).unwrap_err();
+        let error = dataset.rows(1, true).map(drop).unwrap_err();
         assert_eq!(error.exit_code(), ExitCode::Data, "{error}");
         let told = error.to_string();
         assert!(told.contains("shard 1") && told.contains(part) && told.ends_with(FILE), "{told}");

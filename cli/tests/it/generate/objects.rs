@@ -385,13 +385,14 @@ fn a_dataset_of_own_objects_is_made_verified_and_repeated_from_itself_alone() {
     assert_eq!(names, ["cube", "ell", "wedge_piece"]);
     let mut seen = [0; 3];
     for shard in 0..3 {
-        for object in dataset.read_objects(shard).unwrap() {
-            let ObjectShape::Model { number, model } = &object.shape else { panic!("{object:?}") };
-            assert_eq!((object.mass_kg, object.friction), (model.mass_kg, model.friction));
-            seen[usize::from(*number)] += 1;
+        for rows in dataset.rows(shard, false).unwrap().map(Result::unwrap) {
+            for object in rows.objects {
+                let ObjectShape::Model { number, model } = &object.shape else { panic!("{object:?}") };
+                assert_eq!((object.mass_kg, object.friction), (model.mass_kg, model.friction));
+                seen[usize::from(*number)] += 1;
+            }
+            assert!(rows.attempts.iter().all(|a| a.rule.name() == "model_normal" && a.closing.is_none()));
         }
-        let attempts = dataset.read_attempts(shard).unwrap();
-        assert!(attempts.iter().all(|a| a.rule.name() == "model_normal" && a.closing.is_none()));
     }
     assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
     let report = inspect::report(&dataset).unwrap();

@@ -136,7 +136,7 @@ fn a_page_that_grows_beyond_its_values_is_refused_before_it_is_decompressed() {
     let bytes = writer.into_inner().unwrap();
     assert!(bytes.len() < 20_000, "{}", bytes.len());
     plant(dir.path(), &manifest, Table::Attempts, &bytes);
-    let error = Dataset::open(dir.path()).unwrap().read_attempts(0).unwrap_err().to_string();
+    let error = Dataset::open(dir.path()).unwrap().rows(0, false).map(drop).unwrap_err().to_string();
     let refusal = format!("column \"shape\": a page of 1 values cannot have {} bytes", NAME_BYTES + 4);
     assert!(error.contains(&refusal), "{error}");
 }

@@ -87,7 +87,7 @@ fn what_is_in_a_bucket_is_read() {
     let dataset = open(&store, "sets/one").unwrap();
     let info = info();
     let rows = info.scenes_of(1).map(|scene| synthetic::scene_rows(scene, info.seed, &info));
-    assert_eq!(dataset.read_attempts(1).unwrap(), rows.flat_map(|rows| rows.attempts).collect::<Vec<_>>());
+    assert!(dataset.rows(1, true).unwrap().map(Result::unwrap).eq(rows));
     assert_eq!(dataset.storage.list("scenes").unwrap().unwrap().len(), 2);
     assert_eq!(open(&store, "sets/two").unwrap_err().exit_code(), ExitCode::Config);
 }
@@ -102,7 +102,7 @@ fn sizes_are_seen_when_it_is_opened_and_checksums_when_it_is_read() {
     let mut flipped = whole.clone();
     flipped[20] ^= 4;
     put(flipped);
-    let told = open(&store, "sets/one").unwrap().read_attempts(1).unwrap_err();
+    let told = open(&store, "sets/one").unwrap().rows(1, false).map(drop).unwrap_err();
     let (code, told) = (told.exit_code(), told.to_string());
     assert!(code == ExitCode::Data && told.starts_with("shard 1: sha256 must be ") && told.ends_with(FILE), "{told}");
     put(whole[..9].to_vec());
