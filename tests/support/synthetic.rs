@@ -91,7 +91,7 @@ pub(crate) fn scene_rows(scene_id: u64, seed: u64, info: &DatasetInfo) -> SceneR
         rejections: SceneRejections { unsettled: u32::from(draw.unit() < 0.05), empty: 0, unstable: 0 },
         tsdf: tsdf(&objects, &views, &info.grid),
         views,
-        container: info.has_containers().then(|| container(scene_id)).flatten(),
+        container: info.form().has_containers.then(|| container(scene_id)).flatten(),
     };
     SceneRows { scene, objects, attempts }
 }
@@ -177,7 +177,7 @@ fn attempt(
             Some(HitKind::Table | HitKind::Container) | None => None,
         },
         width_m,
-        robustness: (info.has_repeats() && outcome == Outcome::Held).then_some(0.5),
+        robustness: (info.form().has_repeats && outcome == Outcome::Held).then_some(0.5),
     }
 }
 

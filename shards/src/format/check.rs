@@ -65,7 +65,7 @@ pub(crate) fn scene_head(scene: &SceneRecord, info: &DatasetInfo) -> Checked {
     must((1..=VIEWS_MAX).contains(&scene.views.len()), || {
         format!("a scene must have between 1 and {VIEWS_MAX} views, got {}", scene.views.len())
     })?;
-    must(scene.container.is_none() || info.has_containers(), || {
+    must(scene.container.is_none() || info.form().has_containers, || {
         "a scene must have no container where the config has none".to_owned()
     })?;
     scene.container.map_or(Ok(()), |container| container.check(&info.grid))?;

@@ -156,7 +156,7 @@ pub struct Form {
     pub resolution: usize,
     /// Whether there are several hands.
     pub has_hands: bool,
-    /// Whether there are containers.
+    /// Whether there may be containers.
     pub has_containers: bool,
     /// Whether attempts were repeated.
     pub has_repeats: bool,

@@ -33,7 +33,7 @@ pub(crate) fn attempts(batch: &RecordBatch, info: &DatasetInfo) -> Decoded<Vec<A
     let hit_object = columns.numbers::<Int32Type>("hit_object_id")?;
     let width = columns.numbers::<Float32Type>("width_m")?;
     let label = columns.numbers::<UInt8Type>("label")?;
-    let robustness = info.has_repeats().then(|| columns.numbers::<Float32Type>(ROBUSTNESS)).transpose()?;
+    let robustness = info.form().has_repeats.then(|| columns.numbers::<Float32Type>(ROBUSTNESS)).transpose()?;
     (0..batch.num_rows())
         .map(|row| {
             let named = rule[row];

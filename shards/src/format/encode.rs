@@ -40,7 +40,7 @@ fn attempts(rows: &[&AttemptRecord], info: &DatasetInfo) -> Encoded<Vec<ArrayRef
     let rule_count = 12 + 5 * (last - Axis::Z as usize) - usize::from(last > Axis::Z as usize && models.is_empty());
     let rule_names: Vec<&str> = Rule::all().take(rule_count).map(Rule::name).collect();
     let mut hits: Vec<HitKind> = HitKind::ALL.into();
-    hits.retain(|hit| *hit != HitKind::Container || info.has_containers());
+    hits.retain(|hit| *hit != HitKind::Container || info.form().has_containers);
     let hits: Vec<&str> = hits.into_iter().map(HitKind::name).collect();
     let mut columns = vec![
         i64s(rows.iter().map(|r| r.scene_id))?,
@@ -66,7 +66,7 @@ fn attempts(rows: &[&AttemptRecord], info: &DatasetInfo) -> Encoded<Vec<ArrayRef
         Arc::new(Float32Array::from_iter(rows.iter().map(|r| r.width_m))),
         Arc::new(UInt8Array::from_iter_values(rows.iter().map(|r| r.label()))),
     ]);
-    if info.has_repeats() {
+    if info.form().has_repeats {
         columns.push(Arc::new(Float32Array::from_iter(rows.iter().map(|r| r.robustness))));
     }
     Ok(columns)

@@ -151,8 +151,8 @@ impl DatasetInfo {
         Form {
             resolution: self.grid.resolution,
             has_hands: !self.grippers.is_empty(),
-            has_containers: self.has_containers(),
-            has_repeats: self.has_repeats(),
+            has_containers: self.config.get("container").is_some(),
+            has_repeats: self.config.get("robustness").is_some(),
         }
     }
 
@@ -160,25 +160,9 @@ impl DatasetInfo {
     /// or misinterpret.
     #[must_use]
     pub fn version(&self) -> u32 {
-        let needed = [
-            (self.has_repeats(), 5),
-            (self.has_containers(), 4),
-            (!self.grippers.is_empty(), 3),
-            (!self.models.is_empty(), 2),
-        ];
+        let Form { has_hands, has_containers, has_repeats, .. } = self.form();
+        let needed = [(has_repeats, 5), (has_containers, 4), (has_hands, 3), (!self.models.is_empty(), 2)];
         needed.into_iter().find(|(is_needed, _)| *is_needed).map_or(1, |(_, version)| version)
-    }
-
-    /// Whether its scenes may have containers: its config says which.
-    #[must_use]
-    pub fn has_containers(&self) -> bool {
-        self.config.get("container").is_some()
-    }
-
-    /// Whether attempts that held were repeated: its config says how.
-    #[must_use]
-    pub fn has_repeats(&self) -> bool {
-        self.config.get("robustness").is_some()
     }
 
     /// Whether attempts of some scenes were repeated.
@@ -332,7 +316,7 @@ mod tests {
     fn a_share_of_none_of_the_scenes_repeats_nothing() {
         let repeats = |config: Value| {
             let info = DatasetInfo { config, ..synthetic::info(7, 3, 100, 12) };
-            [info.has_repeats(), info.repeats_some()]
+            [info.form().has_repeats, info.repeats_some()]
         };
         let share = |share: f64| repeats(serde_json::json!({ "robustness": { "share": share } }));
         assert_eq!([repeats(serde_json::json!({})), share(0.0), share(0.1)], [[false; 2], [true, false], [true; 2]]);
