@@ -17,6 +17,7 @@ pub(crate) use folder::Store;
 pub(crate) use folder::is_staging;
 pub use folder::{Sweep, Swept};
 pub use location::Location;
+pub(crate) use remote::Patience;
 pub(crate) use staged::{Ready, Staged, Trouble};
 pub(crate) use storage::{Storage, file_name, size_in, size_problem};
 

@@ -15,7 +15,7 @@ use crate::format::frame::Expected;
 use crate::format::summary::Manifest;
 use crate::format::{decode, layout, seal};
 use crate::read::table_reader::{Batches, Part};
-use crate::store::{Storage, size_in, size_problem};
+use crate::store::{Patience, Storage, size_in, size_problem};
 use crate::{DatasetInfo, Location, SCENES_PER_ROW_GROUP, Table};
 
 /// A complete dataset, on disk or in an object store. Rows are read on request.
@@ -55,7 +55,7 @@ impl Dataset {
     /// [`Failure`] if there is no dataset, or it is incomplete, has an unknown version, or is visibly damaged without
     /// reading the shards.
     pub fn open(at: impl Into<Location>) -> Result<Self, Failure> {
-        let dataset = Self::open_with_any_files(&at.into())?;
+        let dataset = Self::of_storage(Storage::open(&at.into(), Patience::Reader)?)?;
         dataset.look_at_sizes()?;
         Ok(dataset)
     }
@@ -78,10 +78,6 @@ impl Dataset {
     }
 
     /// Opens a dataset without checking its shards, so that faults can be reported for each shard.
-    pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, Failure> {
-        Self::of_storage(Storage::open(at)?)
-    }
-
     pub(crate) fn of_storage(storage: Storage) -> Result<Self, Failure> {
         let (info, dataset_id) = read_info(&storage)?;
         let none = || {

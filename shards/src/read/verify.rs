@@ -7,7 +7,7 @@ use program::{ExitCode, Failure};
 
 use crate::format::summary::{Counts, ShardSummary};
 use crate::format::{layout, seal};
-use crate::store::is_staging;
+use crate::store::{Patience, Storage, is_staging};
 use crate::{Dataset, Location, Table};
 
 /// The result of a check.
@@ -33,7 +33,7 @@ pub struct Verified {
 /// [`Failure`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be
 /// checked; also if an object store stops answering.
 pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, Failure> {
-    let dataset = Dataset::open_with_any_files(&at.into())?;
+    let dataset = Dataset::of_storage(Storage::open(&at.into(), Patience::Reader)?)?;
     let bytes = Table::ALL.into_iter().map(|table| dataset.manifest().bytes(table)).sum();
     let (counts, exit_code) = (Counts::zero(), ExitCode::Ok);
     let mut found = Verified { counts, bytes, problems: Vec::new(), exit_code, listed: true };

@@ -28,17 +28,8 @@ pub(crate) enum Storage {
 }
 
 impl Storage {
-    /// Storage for reading.
-    pub(crate) fn open(at: &Location) -> Result<Self, Failure> {
-        Self::new(at, Patience::Reader)
-    }
-
-    /// Storage for writing.
-    pub(crate) fn open_to_write(at: &Location) -> Result<Self, Failure> {
-        Self::new(at, Patience::Writer)
-    }
-
-    fn new(at: &Location, patience: Patience) -> Result<Self, Failure> {
+    /// The storage at a location, for a reader or a writer.
+    pub(crate) fn open(at: &Location, patience: Patience) -> Result<Self, Failure> {
         match at {
             Location::Path(path) => Ok(Self::Folder(Store::new(path))),
             Location::Url(url) => Remote::open(url, patience).map(|remote| Self::Remote(Arc::new(remote))),

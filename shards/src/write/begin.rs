@@ -4,7 +4,7 @@ use program::{ExitCode, Failure};
 use serde_json::Value;
 
 use crate::format::layout;
-use crate::store::{Storage, is_staging};
+use crate::store::{Patience, Storage, is_staging};
 use crate::{DatasetInfo, Draft, Location, Table};
 
 /// Maximum number of reported differences.
@@ -21,7 +21,7 @@ impl Draft {
         if !problems.is_empty() {
             return Err(Failure::new(ExitCode::Config, problems.join("; ")));
         }
-        Self::begin_in(Storage::open_to_write(&at.into())?, info)
+        Self::begin_in(Storage::open(&at.into(), Patience::Writer)?, info)
     }
 
     pub(crate) fn begin_in(storage: Storage, info: &DatasetInfo) -> Result<Self, Failure> {

@@ -6,7 +6,7 @@ use program::Failure;
 use crate::format::summary::ShardSummary;
 use crate::format::{layout, seal};
 use crate::read::dataset::read_info;
-use crate::store::{Storage, Sweep, Swept};
+use crate::store::{Patience, Storage, Sweep, Swept};
 use crate::write::writer::ShardWriter;
 use crate::{DatasetInfo, Location, Table};
 
@@ -24,7 +24,7 @@ impl Draft {
     /// # Errors
     /// [`Failure`] if there is no dataset, or its info is damaged.
     pub fn open(at: impl Into<Location>) -> Result<Self, Failure> {
-        let storage = Storage::open_to_write(&at.into())?;
+        let storage = Storage::open(&at.into(), Patience::Writer)?;
         let (info, dataset_id) = read_info(&storage)?;
         Ok(Self { storage, info, dataset_id })
     }
