@@ -140,13 +140,11 @@ impl Counts {
         self.scenes += 1;
         self.objects += rows.objects.len() as u64;
         self.rejections.count(rows.scene.rejections);
-        rows.attempts.iter().for_each(|attempt| self.count_attempt(attempt));
-    }
-
-    pub(crate) fn count_attempt(&mut self, attempt: &AttemptRecord) {
-        self.labels.count(attempt);
-        *self.outcomes.entry(attempt.outcome.name().to_owned()).or_default() += 1;
-        self.rules.entry(attempt.rule.name().to_owned()).or_default().count(attempt);
+        for attempt in &rows.attempts {
+            self.labels.count(attempt);
+            *self.outcomes.entry(attempt.outcome.name().to_owned()).or_default() += 1;
+            self.rules.entry(attempt.rule.name().to_owned()).or_default().count(attempt);
+        }
     }
 
     /// Adds the counts of other rows.
