@@ -9,7 +9,7 @@ mod plain;
 
 use schema::Outcome;
 
-use crate::figure::{Figure, Intervals};
+use crate::figure::Figure;
 use crate::view::folder::Facet;
 
 /// A result that is described.
@@ -70,8 +70,6 @@ pub struct Picture {
 pub enum Drawing {
     /// A figure in axes.
     Figure(Figure),
-    /// Rates with their intervals.
-    Intervals(Intervals),
     /// Markup of our own making: an `<svg>`, or nothing where the words are enough.
     Svg(String),
 }

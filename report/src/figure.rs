@@ -1,8 +1,6 @@
 //! Figures: bars and lines in axes, as SVG. A figure's bytes are a pure function of what it shows, for its
 //! text is set with the font in `report/fonts`, not with the system's.
 
-mod intervals;
-
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
 use plotters::coord::types::RangedCoordf64;
@@ -11,7 +9,6 @@ use plotters::style::register_font;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use program::{ExitCode, Failure};
 
-pub use intervals::{Intervals, Rate, Row};
 /// A colour: red, green, blue.
 pub use plotters::prelude::RGBColor as Colour;
 

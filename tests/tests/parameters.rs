@@ -7,8 +7,6 @@ use workspace_tests::{assert_none, files};
 const ALLOWED: &[(&str, &str)] = &[
     // A point of plotters' pictures is a pair; the first implements its trait.
     ("report/src/figure.rs", "map"),
-    ("report/src/figure/intervals.rs", "line"),
-    ("report/src/figure/intervals.rs", "write"),
 ];
 
 /// What stands between the commas of the bracket with which a text begins, and the text after it.

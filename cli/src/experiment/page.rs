@@ -11,8 +11,7 @@ use experiments::report::{About, Report};
 use experiments::statistics::{GroupResults, Interval, Percentiles, Rates, Results};
 use program::text::{grouped, percent};
 use program::{Failure, write};
-use report::document::{Block, Cell, Document, Drawing, Picture, Table};
-use report::figure::{Intervals, Rate, Row};
+use report::document::{Block, Cell, Document, Table};
 use schema::Outcome;
 
 const LEAD: &str = "Grasp success rate, GSR: attempts that held, of all attempts. Declutter rate, DR: objects removed, \
@@ -73,16 +72,12 @@ pub fn in_short(results: &Results) -> String {
 fn described(all: &[Played]) -> Document {
     let count = all.len();
     let title = if let [one] = all { format!("Experiment {}", one.name) } else { format!("{count} experiments") };
-    let (cells, rows): (Vec<_>, Vec<_>) = all.iter().flat_map(lines).unzip();
-    let rates = Intervals { title: "Rates with their intervals".to_owned(), rows };
-    let rates = Picture::new(Drawing::Intervals(rates), "Rates with their intervals", "Disc: GSR. Ring: DR.");
     let heading = |text: &str| Block::Heading(text.to_owned());
     let mut blocks = vec![
         Block::Text(LEAD.to_owned()),
         Block::Warnings(all.iter().flat_map(warnings).collect()),
         heading("Rates"),
-        Block::Table(Table::new(HEAD, cells)),
-        Block::Figures(vec![rates]),
+        Block::Table(Table::new(HEAD, all.iter().flat_map(lines))),
         heading("Why attempts failed"),
         counts(all, |results| &results.outcomes, Outcome::name),
         heading("How rounds ended"),
@@ -108,7 +103,7 @@ fn warnings(one: &Played) -> Vec<String> {
 }
 
 /// The rows of an experiment: its own, and of several kinds of scenes or seeds those of each.
-fn lines(one: &Played) -> Vec<(Vec<Cell>, Row)> {
+fn lines(one: &Played) -> Vec<Vec<Cell>> {
     let Results { rounds, objects, attempts, held, rates, by_group, by_seed, plan_ms, .. } = &one.report.results;
     let own = line(one.name.clone(), [*rounds, *objects, *attempts, *held], rates, times(*plan_ms));
     let part = |part: &GroupResults| {
@@ -119,17 +114,12 @@ fn lines(one: &Played) -> Vec<(Vec<Cell>, Row)> {
     [own].into_iter().chain(parts.map(part)).collect()
 }
 
-/// A row of the table and the same of the figure.
-fn line(name: String, counts: [u64; 4], rates: &Rates, times: String) -> (Vec<Cell>, Row) {
-    let rate = |name, rate: Option<Interval>| Rate {
-        name,
-        share: rate.map(|Interval { value, low, high }| [value, low, high]),
-        text: share(rate),
-    };
-    let words = rates.all().map(|rate| Cell::Number(share(rate)));
-    let cells = [Cell::from(name.as_str())].into_iter().chain(counts.map(Cell::Count)).chain(words);
-    let cells = cells.chain([Cell::Number(times)]).collect();
-    (cells, Row { name, rates: [rate("GSR", rates.success_rate), rate("DR", rates.cleared_share)] })
+/// A row of the table.
+fn line(name: String, counts: [u64; 4], rates: &Rates, times: String) -> Vec<Cell> {
+    let [success, cleared, whole] = rates.all();
+    let bar = Cell::Bar(success.map_or(0.0, |rate| rate.value), share(success));
+    let numbers = [share(cleared), share(whole), times].map(Cell::Number);
+    [Cell::from(name)].into_iter().chain(counts.map(Cell::Count)).chain([bar]).chain(numbers).collect()
 }
 
 /// How often each outcome or ending came: a row for each experiment, a column for each that came.

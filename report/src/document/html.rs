@@ -131,7 +131,6 @@ impl Picture {
     fn markup(&self) -> Result<Markup, Failure> {
         let svg = match &self.drawing {
             Drawing::Figure(figure) => &figure.svg()?,
-            Drawing::Intervals(figure) => &figure.svg()?,
             Drawing::Svg(svg) => svg,
         };
         Ok(html! {
