@@ -80,9 +80,9 @@ pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path, has_replays: boo
             listing.add(id, format!("scene {id}"), scene_file(id), listed);
         }
     }
-    write(folder, REPORT, &report(dataset)?.page(dataset, Some(scenes))?.html()?)?;
+    write(folder, REPORT, &report(dataset)?.page(dataset, Some(scenes))?.html())?;
     let facets = finish(folder, listing.finished(Shelf::Scenes))?;
-    write(folder, INDEX, &index(dataset, facets, pictures, attempts).html()?)?;
+    write(folder, INDEX, &index(dataset, facets, pictures, attempts).html())?;
     Ok(done)
 }
 

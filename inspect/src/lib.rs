@@ -22,7 +22,7 @@ mod view;
 
 pub use browse::browse;
 pub use grasps::{GivenGrasps, browse_grasps, grasp_sets, grasps_info, grasps_table, read_grasp_set};
-pub use pictures::{scene_svg, spread};
+pub use pictures::spread;
 pub use replay::{Replays, replayed};
 pub use statistics::{Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use view::scene_view;

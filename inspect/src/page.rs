@@ -2,8 +2,7 @@
 
 use program::Failure;
 use program::text::{bytes, grouped, percent, ratio, setting};
-use report::document::{Block, Cell, Document, Picture, Table};
-use report::figure::{Bars, Figure, GREEN, ORANGE, Scale};
+use report::document::{Block, Cell, Document, Table};
 use schema::Outcome;
 use serde_json::Value;
 use settings::flattened;
@@ -21,7 +20,7 @@ impl Report {
     pub fn document(&self, info: &DatasetInfo) -> Document {
         let mut blocks =
             vec![Block::Text(lead(self, info)), Block::Tiles(tiles(self)), Block::Warnings(self.warnings())];
-        let sections = [outcomes(self), positives(self), hand(self), sizes(self)];
+        let sections = [outcomes(self), positives(self), sizes(self)];
         for (title, text, shown) in sections {
             blocks.extend([Block::Heading(title.to_owned()), Block::Text(text)]);
             blocks.extend(shown);
@@ -120,13 +119,14 @@ fn share(part: u64, whole: u64) -> Cell {
 
 fn outcomes(report: &Report) -> Section {
     let rows = report.outcomes.iter().map(|group| {
-        let hits: Vec<String> = group.hits.iter().map(|(hit, count)| format!("{hit} {}", grouped(*count))).collect();
+        let hits: Vec<String> =
+            group.hits.iter().map(|(hit, count)| format!("{} {}", hit.name(), grouped(*count))).collect();
         vec![
-            Outcome::from_name(&group.outcome).map_or_else(|| Cell::code(&group.outcome), Cell::Outcome),
+            Cell::Outcome(group.outcome),
             Cell::Count(group.attempts),
             share(group.attempts, report.labels.attempts),
             hits.join(", ").into(),
-            Cell::note(Outcome::from_name(&group.outcome).map_or("", Outcome::meaning)),
+            Cell::note(group.outcome.meaning()),
         ]
     });
     let text = "Every attempt ends in one of six ways, decided in this order; only the last is a positive label.";
@@ -135,31 +135,18 @@ fn outcomes(report: &Report) -> Section {
 }
 
 fn positives(report: &Report) -> Section {
-    let distances = Scale::steps("nearest other object's centre, cm", 0.0, 18.0, 2.0);
-    let neighbours = histogram(
-        shares_of_bins("Held, by distance to the next object", distances, &report.neighbour_m, 100.0),
-        "Clutter: distance between centres. The last bar also holds what is further, and lone objects.",
-        bin_table("nearest object, cm", &report.neighbour_m, 100.0),
-    );
-    let degrees = Scale::steps("degrees from straight down", 0.0, 180.0, 30.0);
-    let angles = histogram(
-        shares_of_bins("Held, by angle of the approach", degrees, &report.approach_deg, 1.0),
-        "0 is a grasp from above, 90 one from the side.",
-        bin_table("degrees off vertical", &report.approach_deg, 1.0),
-    );
-    let text = "Which attempts held: by the target's shape, by the rule that drew the grasp, by clutter and by direction. Bars \
-                show the share that held.";
+    let text = "Which attempts held: by the target's shape, by the rule that drew the grasp, by clutter, by direction, and by the opening of \
+                hands that closed, at the end of the hold if held, else when closing stopped. Bars show the share that held. The last \
+                distance also holds what is further, and lone objects.";
     let blocks = vec![
         groups("shape", &report.shapes),
         groups("rule", &report.rules),
         groups("objects in scene", &report.object_counts),
-        Block::Figures(vec![neighbours, angles]),
+        bins("nearest object's centre, cm", &report.neighbour_m, 100.0),
+        bins("approach, degrees off vertical", &report.approach_deg, 1.0),
+        bins("opening, mm", &report.width_m, 1000.0),
     ];
     ("Positives", text.to_owned(), blocks)
-}
-
-fn histogram(figure: Figure, caption: &str, numbers: Table) -> Picture {
-    Picture { numbers: Some(numbers), ..Picture::figure(figure, caption) }
 }
 
 /// Groups of which there is anything.
@@ -172,71 +159,11 @@ fn groups(title: &str, groups: &[Group]) -> Block {
     Block::Table(Table::new([title, "attempts", "held", "share"], tried.map(row)))
 }
 
-/// The numbers of a histogram; bars are shares of the fullest.
-fn bin_table(title: &str, bins: &[Bin], factor: f64) -> Table {
-    let most = most(bins).max(1);
-    let rows = bins.iter().map(|bin| {
-        let labels = bin.labels;
-        let edge = |at: f64| ((at * factor) * 100.0).round() / 100.0;
-        vec![
-            format!("{} to {}", edge(bin.low), edge(bin.high)).into(),
-            Cell::Count(labels.positives),
-            Cell::Number(if labels.attempts == 0 { "–".to_owned() } else { percent(labels.positive_share()) }),
-            Cell::Bar(labels.attempts as f64 / most as f64, grouped(labels.attempts)),
-        ]
-    });
-    Table::new([title, "held", "share", "attempts"], rows)
-}
-
-/// The attempts of the fullest bar.
-fn most(bins: &[Bin]) -> u64 {
-    bins.iter().map(|bin| bin.labels.attempts).max().unwrap_or_default()
-}
-
-/// The share of positives of each bar; ranges times `factor`.
-fn shares_of_bins(title: &str, x: Scale, bins: &[Bin], factor: f64) -> Figure {
-    let bars = bins.iter().filter(|bin| bin.labels.attempts > 0);
-    let bar = |bin: &Bin| [bin.low * factor, bin.high * factor, 0.0, bin.labels.positive_share()];
-    let bars: Vec<[f64; 4]> = bars.map(bar).collect();
-    let most = bars.iter().map(|bar| bar[3]).fold(0.0, f64::max);
-    Figure {
-        title: title.to_owned(),
-        x,
-        y: Scale::around("share that held", 0.0, most.max(0.05)),
-        lines: Vec::new(),
-        bars: vec![Bars { name: String::new(), colour: GREEN, bars }],
-    }
-}
-
-fn hand(report: &Report) -> Section {
-    let widths = histogram(
-        counts_of_bins("Opening of the hand", "opening, mm", &report.width_m, 1000.0),
-        "Attempts that closed the hand: at the end of the hold if held, else when closing stopped; green held. Below the smallest extent the \
-         hand met nothing.",
-        bin_table("width, mm, if closed", &report.width_m, 1000.0),
-    );
-    ("Widths", "The opening of the hand.".to_owned(), vec![Block::Figures(vec![widths])])
-}
-
-/// Attempts by bar, those that held below those that failed.
-fn counts_of_bins(title: &str, label: &str, bins: &[Bin], factor: f64) -> Figure {
-    let most = most(bins) as f64;
-    let thousands = most >= 10_000.0;
-    let unit = if thousands { 1000.0 } else { 1.0 };
-    let bar =
-        |bin: &Bin, low: u64, high: u64| [bin.low * factor, bin.high * factor, low as f64 / unit, high as f64 / unit];
-    let held = bins.iter().map(|bin| bar(bin, 0, bin.labels.positives)).collect();
-    let failed = bins.iter().map(|bin| bar(bin, bin.labels.positives, bin.labels.attempts)).collect();
-    Figure {
-        title: title.to_owned(),
-        x: Scale::around(label, bins[0].low * factor, bins[bins.len() - 1].high * factor),
-        y: Scale::around(if thousands { "attempts, thousands" } else { "attempts" }, 0.0, (most / unit).max(1.0)),
-        lines: Vec::new(),
-        bars: vec![
-            Bars { name: "held".to_owned(), colour: GREEN, bars: held },
-            Bars { name: "failed".to_owned(), colour: ORANGE, bars: failed },
-        ],
-    }
+/// A histogram as such a table; its ends times `factor`.
+fn bins(title: &str, bins: &[Bin], factor: f64) -> Block {
+    let edge = |at: f64| (at * factor * 100.0).round() / 100.0;
+    let group = |bin: &Bin| Group { name: format!("{} to {}", edge(bin.low), edge(bin.high)), labels: bin.labels };
+    groups(title, &bins.iter().map(group).collect::<Vec<_>>())
 }
 
 fn sizes(report: &Report) -> Section {

@@ -1,7 +1,7 @@
 //! Scenes of a dataset as pictures.
 
 use program::text::grouped;
-use report::document::{Drawing, Picture};
+use report::document::Picture;
 use report::picture::{Hand, Scene, svg};
 use report::view::folder::scene_file;
 use schema::{AttemptRecord, ObjectRecord, Polyhedron, SceneRows};
@@ -27,35 +27,31 @@ pub fn spread(scenes: &[u64], count: usize) -> Vec<u64> {
 pub(crate) fn picture(info: &DatasetInfo, rows: &SceneRows, is_drawn: bool, is_link: bool) -> Picture {
     let held = rows.attempts.iter().filter(|attempt| attempt.label() == 1).count();
     let objects = rows.objects.len();
-    let drawing = if is_drawn { scene_svg(info, rows, &rows.attempts, 0.4) } else { String::new() };
-    let picture = Picture::new(
-        Drawing::Svg(drawing),
-        format!("Scene {}", grouped(rows.scene.scene_id)),
-        format!(
+    Picture {
+        svg: if is_drawn { scene_svg(info, rows) } else { String::new() },
+        title: format!("Scene {}", grouped(rows.scene.scene_id)),
+        caption: format!(
             "{objects} {}; {held} of {} attempts held",
             if objects == 1 { "object" } else { "objects" },
             rows.attempts.len()
         ),
-    );
-    Picture { link: is_link.then(|| scene_file(rows.scene.scene_id)), ..picture }
+        link: is_link.then(|| scene_file(rows.scene.scene_id)),
+    }
 }
 
-/// A scene and the hand of each of these attempts, as SVG; hands that failed are drawn with a strength from 0 to 1.
-#[must_use]
-pub fn scene_svg(info: &DatasetInfo, rows: &SceneRows, attempts: &[AttemptRecord], failed_strength: f32) -> String {
+fn scene_svg(info: &DatasetInfo, rows: &SceneRows) -> String {
     let hand = |attempt: &AttemptRecord| Hand {
         workspace_from_grasp: attempt.workspace_from_grasp,
         width_m: attempt.width_m.unwrap_or(info.hand_of(attempt.scene_id).opening_m_max),
         outcome: attempt.outcome,
         label: attempt_label(attempt),
-        strength: if attempt.label() == 1 { 1.0 } else { failed_strength },
     };
     svg(&Scene {
         size_m: info.grid.size_m,
         table_z_m: info.grid.table_z_m,
         bodies: rows.objects.iter().flat_map(bodies).collect(),
         fixtures: rows.scene.fixtures(&info.grid),
-        hands: attempts.iter().map(hand).collect(),
+        hands: rows.attempts.iter().map(hand).collect(),
     })
 }
 

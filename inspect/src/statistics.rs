@@ -3,19 +3,18 @@
 mod bins;
 mod warnings;
 
-pub use bins::Bin;
-
 use std::collections::BTreeMap;
 
 use program::Failure;
-use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, SceneRows, Shape, Vec3};
+use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, Shape, Vec3};
 use serde::Serialize;
-use shards::{Dataset, RejectionCounts, Table, Tally};
+use shards::{Dataset, DatasetInfo, RejectionCounts, Table, Tally};
 
-use self::bins::{bin, bins};
+pub use self::bins::Bin;
+use self::bins::{bar, bars};
 
 /// The statistics of a dataset.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Report {
     /// SHA-256 of `meta/info.json`.
     pub dataset_id: String,
@@ -68,11 +67,11 @@ pub struct Group {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OutcomeGroup {
     /// The outcome.
-    pub outcome: String,
+    pub outcome: Outcome,
     /// Attempts.
     pub attempts: u64,
     /// What was hit, for outcomes that hit something.
-    pub hits: BTreeMap<String, u64>,
+    pub hits: BTreeMap<HitKind, u64>,
 }
 
 /// A table's size on disk.
@@ -102,114 +101,72 @@ const NEIGHBOUR_BIN_M: f64 = 0.02;
 /// # Errors
 /// [`Failure`] if a shard is damaged.
 pub fn report(dataset: &Dataset) -> Result<Report, Failure> {
-    let mut counting = Counting::new(dataset);
+    let mut report = nothing(dataset);
+    let models = &dataset.info().models;
+    let paper = if models.is_empty() { Rule::of_the_paper().to_vec() } else { Vec::new() };
+    let mut rules: BTreeMap<Rule, Tally> = paper.into_iter().map(|rule| (rule, Tally::default())).collect();
+    let mut shapes: BTreeMap<Shape, Tally> =
+        Shape::all(models).into_iter().map(|shape| (shape, Tally::default())).collect();
+    let mut object_counts: BTreeMap<u32, Tally> = BTreeMap::new();
     for shard in 0..dataset.shard_count() {
         for rows in dataset.rows(shard, false)? {
-            counting.count_scene(&rows?);
+            let rows = rows?;
+            report.rejections.count(rows.scene.rejections);
+            for attempt in &rows.attempts {
+                shapes.entry(attempt.rule.shape).or_default().count(attempt);
+                rules.entry(attempt.rule.named()).or_default().count(attempt);
+                object_counts.entry(rows.scene.object_count).or_default().count(attempt);
+                report.count(dataset.info(), attempt, &rows.objects);
+            }
         }
     }
-    Ok(counting.finish())
+    report.shapes = shapes.into_iter().map(|(shape, labels)| group(shape.name(models), labels)).collect();
+    report.rules = rules.into_iter().map(|(rule, labels)| group(rule.name(), labels)).collect();
+    report.object_counts = object_counts.into_iter().map(|(count, labels)| group(&count.to_string(), labels)).collect();
+    Ok(report)
 }
 
-struct Counting<'a> {
-    dataset: &'a Dataset,
-    labels: Tally,
-    shapes: BTreeMap<Shape, Tally>,
-    rules: BTreeMap<Rule, Tally>,
-    object_counts: BTreeMap<u32, Tally>,
-    outcomes: BTreeMap<Outcome, (u64, BTreeMap<HitKind, u64>)>,
-    widths: [Tally; WIDTH_BINS],
-    angles: [Tally; 12],
-    neighbours: [Tally; 9],
-    outside_grid: Tally,
-    rejections: RejectionCounts,
+/// What is known before an attempt is counted.
+fn nothing(dataset: &Dataset) -> Report {
+    let (info, manifest) = (dataset.info(), dataset.manifest());
+    Report {
+        dataset_id: manifest.dataset_id.clone(),
+        code_version: info.code_version.clone(),
+        seed: info.seed,
+        shards: info.shard_count,
+        scenes: info.scene_count,
+        objects: manifest.totals.objects,
+        outcomes: Outcome::ALL.map(|outcome| OutcomeGroup { outcome, attempts: 0, hits: BTreeMap::new() }).into(),
+        width_m: bars(WIDTH_BINS, f64::from(info.opening_m_max()) / WIDTH_BINS as f64),
+        approach_deg: bars(12, ANGLE_BIN_DEG),
+        neighbour_m: bars(9, NEIGHBOUR_BIN_M),
+        tables: Table::ALL.map(|table| size(dataset, table)).into(),
+        ..Report::default()
+    }
 }
 
-impl<'a> Counting<'a> {
-    fn new(dataset: &'a Dataset) -> Self {
-        let models = &dataset.info().models;
-        let rules = if models.is_empty() { Rule::of_the_paper().to_vec() } else { Vec::new() };
-        Self {
-            dataset,
-            labels: Tally::default(),
-            shapes: Shape::all(models).into_iter().map(|shape| (shape, Tally::default())).collect(),
-            rules: rules.into_iter().map(|rule| (rule, Tally::default())).collect(),
-            object_counts: BTreeMap::new(),
-            outcomes: Outcome::ALL.into_iter().map(|outcome| (outcome, Default::default())).collect(),
-            widths: Default::default(),
-            angles: Default::default(),
-            neighbours: Default::default(),
-            outside_grid: Tally::default(),
-            rejections: RejectionCounts::default(),
-        }
-    }
-
-    fn count_scene(&mut self, rows: &SceneRows) {
-        self.rejections.count(rows.scene.rejections);
-        for attempt in &rows.attempts {
-            self.object_counts.entry(rows.scene.object_count).or_default().count(attempt);
-            self.count(attempt);
-            self.count_neighbour(attempt, &rows.objects);
-        }
-    }
-
-    fn count(&mut self, attempt: &AttemptRecord) {
+impl Report {
+    /// Counts an attempt on one of these objects.
+    fn count(&mut self, info: &DatasetInfo, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
         self.labels.count(attempt);
-        self.shapes.entry(attempt.rule.shape).or_default().count(attempt);
-        self.rules.entry(attempt.rule.named()).or_default().count(attempt);
-        let (count, hits) = self.outcomes.entry(attempt.outcome).or_default();
-        *count += 1;
+        let outcome = &mut self.outcomes[attempt.outcome as usize];
+        outcome.attempts += 1;
         if let Some(hit) = attempt.hit {
-            *hits.entry(hit).or_default() += 1;
+            *outcome.hits.entry(hit).or_default() += 1;
         }
-        let info = self.dataset.info();
         if let Some(width_m) = attempt.width_m {
             let share = width_m / info.opening_m_max();
-            self.widths[bin(f64::from(share) * WIDTH_BINS as f64, WIDTH_BINS)].count(attempt);
+            bar(&mut self.width_m, f64::from(share) * WIDTH_BINS as f64).count(attempt);
         }
-        self.angles[bin(approach_angle_deg(attempt) / ANGLE_BIN_DEG, self.angles.len())].count(attempt);
+        bar(&mut self.approach_deg, approach_angle_deg(attempt) / ANGLE_BIN_DEG).count(attempt);
         if info.grid.voxel_at(attempt.workspace_from_grasp.translation).is_none() {
             self.outside_grid.count(attempt);
         }
-    }
-
-    /// Counts what takes the target's neighbours to know.
-    fn count_neighbour(&mut self, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
         let Some(target) = objects.get(attempt.object_id as usize) else { return };
         let centre = |object: &ObjectRecord| object.workspace_from_object.translation;
         let others = objects.iter().filter(|object| object.object_id != attempt.object_id);
         let nearest_m = others.map(|other| (centre(other) - centre(target)).length()).fold(f32::INFINITY, f32::min);
-        self.neighbours[bin(f64::from(nearest_m) / NEIGHBOUR_BIN_M, self.neighbours.len())].count(attempt);
-    }
-
-    fn finish(self) -> Report {
-        let (info, manifest) = (self.dataset.info(), self.dataset.manifest());
-        let width_step = f64::from(info.opening_m_max()) / WIDTH_BINS as f64;
-        let shapes = self.shapes.into_iter().map(|(shape, tally)| group(shape.name(&info.models), tally));
-        let outcomes = self.outcomes.into_iter().map(|(outcome, (attempts, hits))| OutcomeGroup {
-            outcome: outcome.name().to_owned(),
-            attempts,
-            hits: hits.into_iter().map(|(hit, count)| (hit.name().to_owned(), count)).collect(),
-        });
-        Report {
-            dataset_id: manifest.dataset_id.clone(),
-            code_version: info.code_version.clone(),
-            seed: info.seed,
-            shards: info.shard_count,
-            scenes: info.scene_count,
-            objects: manifest.totals.objects,
-            labels: self.labels,
-            shapes: shapes.collect(),
-            rules: self.rules.into_iter().map(|(rule, tally)| group(rule.name(), tally)).collect(),
-            object_counts: self.object_counts.into_iter().map(|(count, t)| group(&count.to_string(), t)).collect(),
-            outcomes: outcomes.collect(),
-            width_m: bins(&self.widths, width_step),
-            approach_deg: bins(&self.angles, ANGLE_BIN_DEG),
-            neighbour_m: bins(&self.neighbours, NEIGHBOUR_BIN_M),
-            outside_grid: self.outside_grid,
-            rejections: self.rejections,
-            tables: Table::ALL.map(|table| size(self.dataset, table)).to_vec(),
-        }
+        bar(&mut self.neighbour_m, f64::from(nearest_m) / NEIGHBOUR_BIN_M).count(attempt);
     }
 }
 

@@ -287,5 +287,5 @@ fn play(
 /// The page of an experiment that is done.
 #[pyfunction]
 pub(crate) fn experiment_page(py: Python<'_>, folder: PathBuf) -> PyResult<String> {
-    free(py, || document(&[folder])?.html())
+    free(py, || Ok::<_, Failure>(document(&[folder])?.html()))
 }

@@ -1,7 +1,7 @@
 //! A result as an ordered list of blocks, which is described once and becomes a page, Markdown or a terminal's text.
 //!
 //! A page is one file (a folder's pages share their scripts): no network, light and dark, from a phone's width to a
-//! wall's. Pages show everything; Markdown and terminals leave out what only a page has room for: figures and columns
+//! wall's. Pages show everything; Markdown and terminals leave out what only a page has room for: pictures and columns
 //! of notes.
 
 pub(crate) mod html;
@@ -9,7 +9,6 @@ mod plain;
 
 use schema::Outcome;
 
-use crate::figure::Figure;
 use crate::view::folder::Facet;
 
 /// A result that is described.
@@ -36,9 +35,7 @@ pub enum Block {
     Warnings(Vec<String>),
     /// A table.
     Table(Table),
-    /// Figures side by side; terminals show their numbers, Markdown nothing.
-    Figures(Vec<Picture>),
-    /// Small pictures, more of them side by side; on pages only.
+    /// Small pictures side by side; on pages only.
     Gallery(Vec<Picture>),
     /// Pages beside this one: words and file; on pages only.
     Links(Vec<(String, String)>),
@@ -53,25 +50,14 @@ pub enum Block {
 /// A picture with its caption.
 #[derive(Debug, Clone)]
 pub struct Picture {
-    /// What is drawn.
-    pub drawing: Drawing,
+    /// What is drawn: an `<svg>` of our own making, or nothing where the words are enough.
+    pub svg: String,
     /// What it shows, in bold.
     pub title: String,
     /// What else there is to say.
     pub caption: String,
-    /// The numbers that it shows, for readers who have no pictures.
-    pub numbers: Option<Table>,
     /// The page that it leads to.
     pub link: Option<String>,
-}
-
-/// What a picture draws.
-#[derive(Debug, Clone)]
-pub enum Drawing {
-    /// A figure in axes.
-    Figure(Figure),
-    /// Markup of our own making: an `<svg>`, or nothing where the words are enough.
-    Svg(String),
 }
 
 /// A table. A column's cells are of one kind, which decides how it is aligned.
@@ -100,20 +86,6 @@ pub enum Cell {
     Bar(f64, String),
     /// An explanation, which only a page has room for.
     Note(String),
-}
-
-impl Picture {
-    /// A figure; its title becomes the caption's.
-    #[must_use]
-    pub fn figure(figure: Figure, caption: &str) -> Self {
-        let title = figure.title.clone();
-        Self::new(Drawing::Figure(figure), title, caption)
-    }
-
-    /// Anything that is drawn.
-    pub fn new(drawing: Drawing, title: impl Into<String>, caption: impl Into<String>) -> Self {
-        Self { drawing, title: title.into(), caption: caption.into(), numbers: None, link: None }
-    }
 }
 
 impl Table {

@@ -17,8 +17,6 @@ pub struct Hand {
     pub width_m: f32,
     /// How its attempt ended.
     pub outcome: Outcome,
-    /// Opacity, from 0 to 1.
-    pub strength: f32,
     /// What a page says where the mouse rests on it, first its id: `7/19`.
     pub label: String,
 }
@@ -76,8 +74,9 @@ pub fn svg(scene: &Scene) -> String {
     hands.sort_by_key(|hand| hand.outcome); // held grasps on top, collisions below
     let is_crowded = hands.len() > CROWD;
     for hand in hands {
-        let (class, strength) = (hand.outcome.name(), hand.strength);
-        let width = if is_crowded { 1.0 } else { 1.5 } * if hand.outcome == Outcome::Held { 1.6_f32 } else { 1.2 };
+        let class = hand.outcome.name();
+        let (thick, strength) = if hand.outcome == Outcome::Held { (1.6_f32, 1.0) } else { (1.2, 0.4) };
+        let width = if is_crowded { thick } else { 1.5 * thick };
         let lines = fork(hand).map(|line| format!("M{}", points(scene, line.into_iter()).replace(' ', "L"))).concat();
         let _ = write!(
             text,
@@ -138,13 +137,7 @@ mod tests {
     #[test]
     fn of_a_block_three_faces_are_seen_and_hands_lie_on_top() {
         let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.09), Quat::IDENTITY);
-        let hand = |outcome| Hand {
-            workspace_from_grasp: at,
-            width_m: 0.06,
-            outcome,
-            strength: 0.5,
-            label: "7/19 <".to_owned(),
-        };
+        let hand = |outcome| Hand { workspace_from_grasp: at, width_m: 0.06, outcome, label: "7/19 <".to_owned() };
         let scene = Scene {
             size_m: 0.3,
             table_z_m: 0.05,

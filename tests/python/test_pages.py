@@ -139,12 +139,6 @@ def colours(png: bytes) -> int:
     return len(set(image.get_flattened_data()))
 
 
-def test_words_in_figures_can_be_read_on_a_phone(browser, pages) -> None:
-    page, _ = opened(browser, pages, "report", "phone")
-    heights = page.evaluate("[...document.querySelectorAll('figure svg text')].map(t => t.getBoundingClientRect().height)")
-    assert len(heights) > 30 and min(heights) >= 7, sorted(heights)[:3]
-
-
 def test_the_report_shows_what_the_json_says(browser, pages) -> None:
     page, _ = opened(browser, pages, "report")
     data = DATASET

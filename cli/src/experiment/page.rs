@@ -51,7 +51,7 @@ pub fn document(folders: &[PathBuf]) -> Result<Document, Failure> {
 /// If a file cannot be read or written.
 pub fn write_page(folder: &Path) -> Result<PathBuf, Failure> {
     let path = folder.join("report.html");
-    write(&path, document(&[folder.to_owned()])?.html()?)?;
+    write(&path, document(&[folder.to_owned()])?.html())?;
     Ok(path)
 }
 

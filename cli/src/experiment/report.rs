@@ -24,7 +24,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let document = document(&arguments.folders)?;
     match &arguments.html {
         Some(path) => {
-            write(path, document.html()?)?;
+            write(path, document.html())?;
             print(format_args!("{}\n", path.display()))?;
         }
         None => print(document.markdown())?,

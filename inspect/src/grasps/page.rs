@@ -5,7 +5,7 @@ use std::path::Path;
 
 use program::Failure;
 use program::text::{grouped, percent};
-use report::document::{Block, Document, Drawing, Picture};
+use report::document::{Block, Document, Picture};
 use report::picture::{Hand, Scene, svg};
 use report::view::folder::{INDEX, ListedAttempt, Place, Shelf, object_file};
 use report::view::{Body, Class, Line, Measure, View};
@@ -82,7 +82,7 @@ pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: b
     let blocks =
         vec![Block::Text(text), Block::Filter(facets), Block::Legend(vec![Outcome::Held]), Block::Gallery(pictures)];
     let footer = format!("graspmill dataset browse, Graspmill {}", env!("CARGO_PKG_VERSION"));
-    write(out, INDEX, &Document { title: "Grasps of objects".to_owned(), blocks, footer }.html()?)?;
+    write(out, INDEX, &Document { title: "Grasps of objects".to_owned(), blocks, footer }.html())?;
     Ok(done)
 }
 
@@ -90,7 +90,7 @@ pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: b
 fn picture(set: &ObjectGrasps, name: &str) -> Picture {
     let (held, all) = (set.count(Outcome::Held) as u64, set.grasps.len() as u64);
     let caption = format!("{} of {} grasps held", grouped(held), grouped(all));
-    Picture { link: Some(object_file(name)), ..Picture::new(Drawing::Svg(grasps_svg(set)), name, caption) }
+    Picture { svg: grasps_svg(set), title: name.to_owned(), caption, link: Some(object_file(name)) }
 }
 
 fn listed_attempt(set: &ObjectGrasps, number: u32) -> ListedAttempt {
@@ -199,7 +199,6 @@ fn grasps_svg(set: &ObjectGrasps) -> String {
             width_m: grasp.width_m.unwrap_or(set.gripper.opening_m_max),
             outcome: grasp.outcome,
             label: label(set, number, grasp),
-            strength: 1.0,
         }
     };
     svg(&Scene {

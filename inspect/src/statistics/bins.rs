@@ -15,15 +15,15 @@ pub struct Bin {
     pub labels: Tally,
 }
 
-/// The bin of a value counted in bins; what lies outside counts at the ends.
-pub(super) fn bin(value: f64, count: usize) -> usize {
-    (value.max(0.0) as usize).min(count - 1) // whole, from 0, cut at the top
-}
-
 /// The bars of a histogram, from 0.
-pub(super) fn bins(tallies: &[Tally], step: f64) -> Vec<Bin> {
+pub(super) fn bars(count: usize, step: f64) -> Vec<Bin> {
     // To a micrometre or microdegree, so that 3 * 0.01 reads 0.03.
     let edge = |i: usize| (i as f64 * step * 1e6).round() / 1e6;
-    let bin = |(i, labels): (usize, &Tally)| Bin { low: edge(i), high: edge(i + 1), labels: *labels };
-    tallies.iter().enumerate().map(bin).collect()
+    (0..count).map(|i| Bin { low: edge(i), high: edge(i + 1), labels: Tally::default() }).collect()
+}
+
+/// The bar of a value that is counted in bars; what lies outside counts at the ends.
+pub(super) fn bar(bars: &mut [Bin], value: f64) -> &mut Tally {
+    let last = bars.len() - 1;
+    &mut bars[(value.max(0.0) as usize).min(last)].labels // whole, from 0, cut at the top
 }

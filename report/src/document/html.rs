@@ -1,14 +1,13 @@
 //! Documents as pages.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use program::Failure;
 use program::text::grouped;
 use schema::Outcome;
 
 use crate::assets::{OUTCOMES, PAGE_STYLE};
 use crate::view::folder::{self, Facet};
 
-use super::{Block, Cell, Document, Drawing, Picture, Table};
+use super::{Block, Cell, Document, Picture, Table};
 
 /// The longest name that stays in one line, in bytes.
 const SHORT_MAX: usize = 32;
@@ -36,12 +35,9 @@ pub(crate) fn whole(title: &str, css: Option<&str>, body: &Markup) -> String {
 
 impl Document {
     /// The document as a page in one file. The same document always has the same bytes.
-    ///
-    /// # Errors
-    /// [`program::ExitCode::Internal`] if a figure cannot be drawn.
-    pub fn html(&self) -> Result<String, Failure> {
-        let blocks = self.blocks.iter().enumerate().map(|(at, block)| block.markup(at));
-        let blocks = blocks.collect::<Result<Vec<_>, _>>()?;
+    #[must_use]
+    pub fn html(&self) -> String {
+        let blocks: Vec<Markup> = self.blocks.iter().enumerate().map(|(at, block)| block.markup(at)).collect();
         let first = self.blocks.iter().position(|block| matches!(block, Block::Heading(_))).unwrap_or(blocks.len());
         let body = html! {
             main {
@@ -56,13 +52,13 @@ impl Document {
                 footer { (self.footer) }
             }
         };
-        Ok(whole(&self.title, Some(PAGE_STYLE), &body))
+        whole(&self.title, Some(PAGE_STYLE), &body)
     }
 }
 
 impl Block {
-    fn markup(&self, at: usize) -> Result<Markup, Failure> {
-        Ok(match self {
+    fn markup(&self, at: usize) -> Markup {
+        match self {
             Self::Heading(text) => html! { h2 id={ "s" (at) } { (text) } },
             Self::Text(text) => html! { p { (text) } },
             Self::Tiles(tiles) => html! {
@@ -75,8 +71,9 @@ impl Block {
                 div class="warnings" role="note" { ul { @for warning in all { li { (warning) } } } }
             },
             Self::Table(table) => table.markup(),
-            Self::Figures(pictures) => gallery("figures", pictures)?,
-            Self::Gallery(pictures) => gallery("figures gallery", pictures)?,
+            Self::Gallery(pictures) => {
+                html! { div.gallery { @for one in pictures { (one.markup()) } } }
+            }
             Self::Links(links) => {
                 html! { p class="links" { @for (words, file) in links { a href=(file) { (words) } " " } } }
             }
@@ -87,7 +84,7 @@ impl Block {
             Self::Code(language, code) => html! {
                 details { summary { (language) } pre { code { (code.trim_end()) } } }
             },
-        })
+        }
     }
 }
 
@@ -122,30 +119,21 @@ pub(crate) fn in_words(outcome: Outcome) -> String {
     outcome.name().replace('_', " ")
 }
 
-fn gallery(class: &str, pictures: &[Picture]) -> Result<Markup, Failure> {
-    let pictures = pictures.iter().map(Picture::markup).collect::<Result<Vec<_>, _>>()?;
-    Ok(html! { div class=(class) { @for one in pictures { (one) } } })
-}
-
 impl Picture {
-    fn markup(&self) -> Result<Markup, Failure> {
-        let svg = match &self.drawing {
-            Drawing::Figure(figure) => &figure.svg()?,
-            Drawing::Svg(svg) => svg,
-        };
-        Ok(html! {
+    fn markup(&self) -> Markup {
+        let svg = PreEscaped(&self.svg);
+        html! {
             figure {
                 @match &self.link {
-                    Some(link) if !svg.is_empty() => a href=(link) aria-label=(self.title) { (PreEscaped(svg)) },
-                    _ => (PreEscaped(svg)),
+                    Some(link) if !self.svg.is_empty() => a href=(link) aria-label=(self.title) { (svg) },
+                    _ => (svg),
                 }
                 figcaption {
                     b { @if let Some(link) = &self.link { a href=(link) { (self.title) } } @else { (self.title) } }
                     (self.caption)
                 }
-                @if let Some(table) = &self.numbers { details { summary { "numbers" } (table.markup()) } }
             }
-        })
+        }
     }
 }
 
@@ -221,14 +209,14 @@ mod tests {
 
     #[test]
     fn words_are_words_and_never_markup() {
-        let html = page().html().unwrap();
+        let html = page().html();
         assert!(html.contains("&lt;script&gt;") && !html.contains("<script"), "{html}");
         assert!(html.contains("<code class=\"short\">&lt;b&gt;</code>") && html.contains("A &amp; B"), "{html}");
     }
 
     #[test]
     fn numbers_stand_right_and_bars_end_at_their_frame() {
-        let html = page().html().unwrap();
+        let html = page().html();
         assert!(html.contains("<th scope=\"col\" class=\"number\">attempts</th>"), "{html}");
         assert!(html.contains("<td class=\"number\">1,200</td>") && html.contains("width:100.0%"), "{html}");
     }
@@ -254,10 +242,11 @@ mod tests {
 
     #[test]
     fn a_picture_that_leads_on_is_a_link() {
-        let mut picture = Picture::new(Drawing::Svg("<svg/>".to_owned()), "Scene 7", "three objects");
-        assert!(!picture.markup().unwrap().into_string().contains("<a "));
+        let [svg, title, caption] = ["<svg/>", "Scene 7", "three objects"].map(str::to_owned);
+        let mut picture = Picture { svg, title, caption, link: None };
+        assert!(!picture.markup().into_string().contains("<a "));
         picture.link = Some("scene-7.html".to_owned());
-        assert_eq!(picture.markup().unwrap().into_string().matches("<a href=\"scene-7.html\"").count(), 2);
+        assert_eq!(picture.markup().into_string().matches("<a href=\"scene-7.html\"").count(), 2);
     }
 
     #[test]
@@ -274,7 +263,7 @@ mod tests {
 
     #[test]
     fn a_page_asks_nobody_for_anything() {
-        let html = page().html().unwrap();
+        let html = page().html();
         for word in ["http:", "https:", "src=", "@import", "url("] {
             assert!(!html.contains(word), "{word} is in {html}");
         }
@@ -282,16 +271,16 @@ mod tests {
 
     #[test]
     fn what_is_worrying_is_said_and_so_is_that_nothing_is() {
-        assert!(page().html().unwrap().contains("Nothing to worry about"));
+        assert!(page().html().contains("Nothing to worry about"));
         let mut worried = page();
         worried.blocks[0] = Block::Warnings(vec!["no positives".to_owned()]);
-        let worried = worried.html().unwrap();
+        let worried = worried.html();
         assert!(worried.contains("<li>no positives</li>") && !worried.contains("Nothing to worry"));
     }
 
     #[test]
     fn the_list_of_sections_leads_to_each() {
-        let html = page().html().unwrap();
+        let html = page().html();
         assert!(html.contains("<nav><a href=\"#s1\">A &amp; B</a></nav><h2 id=\"s1\">A &amp; B</h2>"), "{html}");
     }
 }

@@ -45,7 +45,7 @@ impl Block {
             Self::Warnings(lines) => lines.iter().map(|line| format!("- {line}\n")).collect(),
             Self::Tiles(tiles) => tiles.iter().map(|(value, what)| format!("- {value}: {what}\n")).collect(),
             Self::Table(table) => table.markdown(),
-            Self::Figures(_) | Self::Gallery(_) | Self::Legend(_) | Self::Links(_) | Self::Filter(_) => String::new(),
+            Self::Gallery(_) | Self::Legend(_) | Self::Links(_) | Self::Filter(_) => String::new(),
             Self::Code(language, code) => fenced(language, code),
         }
     }
@@ -59,10 +59,6 @@ impl Block {
                 Table::new(["", ""], tiles.iter().map(row)).text()
             }
             Self::Table(table) => table.text(),
-            Self::Figures(pictures) => {
-                let tables = pictures.iter().filter_map(|picture| picture.numbers.as_ref());
-                tables.map(Table::text).collect::<Vec<_>>().join("\n")
-            }
             Self::Gallery(_) | Self::Legend(_) | Self::Links(_) | Self::Filter(_) => String::new(),
             Self::Code(_, code) => format!("{}\n", code.trim_end()),
         }
@@ -183,7 +179,7 @@ mod tests {
             heading("Kept"),
             Block::Text("Words.".to_owned()),
             heading("Last"),
-            Block::Figures(Vec::new()),
+            Block::Legend(Vec::new()),
         ];
         let document = Document { blocks, ..Document::default() };
         assert_eq!(document.markdown(), "## Kept\n\nWords.\n");
