@@ -45,8 +45,6 @@ def main() -> int:
         for text in found or [f"(no text came with it; its manifest says {package['license']})"]:
             key = hashlib.sha256(" ".join(text.split()).encode()).hexdigest()
             by_text.setdefault(key, (text, []))[1].append(f"{name} ({package['license']})")
-    font = Path(__file__).parents[1] / "report/fonts/LICENSE.txt"
-    by_text["font"] = (font.read_text().strip(), ["DejaVu Sans (a part of it is in the programs)"])
     for text, names in by_text.values():
         print("=" * 80, *names, "-" * 80, text, "", sep="\n")
     if missing:

@@ -3,12 +3,6 @@
 
 use workspace_tests::{assert_none, files};
 
-/// Functions that may take a tuple, at most ten, with their file. A row that no function needs any more must go.
-const ALLOWED: &[(&str, &str)] = &[
-    // A point of plotters' pictures is a pair; the first implements its trait.
-    ("report/src/figure.rs", "map"),
-];
-
 /// What stands between the commas of the bracket with which a text begins, and the text after it.
 fn bracket(text: &str) -> (Vec<&str>, &str) {
     let (mut parts, mut depth, mut start, mut before) = (Vec::new(), 0, 1, ' ');
@@ -82,12 +76,7 @@ fn functions_take_no_tuples() {
     let is_product = |path: &str| path.ends_with(".rs") && path.contains("/src/") && !path.starts_with("fuzz/");
     let mut found = Vec::new();
     for file in files(is_product) {
-        found.extend(with_tuples(&file.text).into_iter().map(|name| (file.path.clone(), name)));
+        found.extend(with_tuples(&file.text).iter().map(|name| format!("{}: {name} takes a tuple", file.path)));
     }
-    let is_row = |(path, name): &(String, String)| ALLOWED.contains(&(path, name));
-    let needless = ALLOWED.iter().filter(|(path, name)| !found.contains(&((*path).to_owned(), (*name).to_owned())));
-    let needless = needless.map(|(path, name)| format!("{path}: {name} takes no tuple and needs no row in ALLOWED"));
-    let unlisted = found.iter().filter(|row| !is_row(row)).map(|(path, name)| format!("{path}: {name} takes a tuple"));
-    assert_none("parameters", &unlisted.chain(needless).collect::<Vec<_>>());
-    assert!(ALLOWED.len() <= 10);
+    assert_none("parameters", &found);
 }

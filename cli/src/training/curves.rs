@@ -19,40 +19,31 @@ pub(crate) fn draw_curves(run: &Path) -> Result<(), Failure> {
     let text = read_metrics(run)?;
     let lines = Deserializer::from_str(&text).into_iter::<Value>();
     let epochs: Vec<Value> = lines.collect::<Result<_, _>>().map_err(damaged)?;
-    let loss = figure(&epochs, "Loss by epoch", "loss (Eq. 5, mean of the samples)", "loss");
-    let accuracy = figure(&epochs, "Accuracy by epoch", "accuracy (Eq. 6, share of right predictions)", "accuracy");
-    write(&run.join("loss.svg"), loss.svg()?)?;
-    write(&run.join("accuracy.svg"), accuracy.svg()?)
+    write(&run.join("loss.svg"), figure(&epochs, "loss (Eq. 5)", "loss").svg())?;
+    write(&run.join("accuracy.svg"), figure(&epochs, "accuracy (Eq. 6)", "accuracy").svg())
 }
 
 /// A number of each set by epoch; beside accuracies, dashes are those of always answering "failure".
-fn figure(epochs: &[Value], title: &str, label: &str, key: &str) -> Figure {
-    // What is no number is `null`.
-    let points = |set: &str, key: &str| {
-        let points = epochs.iter().filter_map(|epoch| Some((epoch["epoch"].as_f64()?, epoch[set][key].as_f64()?)));
-        points.collect::<Vec<_>>()
+fn figure(epochs: &[Value], label: &str, key: &str) -> Figure {
+    let line = |name: &'static str, colour: &'static str, set: &str, key: &str| {
+        // What is no number is `null`.
+        let points = epochs.iter().filter_map(|epoch| Some([epoch["epoch"].as_f64()?, epoch[set][key].as_f64()?]));
+        Line { name, colour, is_dashed: key == "baseline_accuracy", points: points.collect() }
     };
     let mut lines = vec![
-        Line::new("train", BLUE, points("train", key)),
-        Line::new("test attempts", ORANGE, points("test_attempts", key)),
-        Line::new("test scenes", GREEN, points("test_scenes", key)),
+        line("train", BLUE, "train", key),
+        line("test attempts", ORANGE, "test_attempts", key),
+        line("test scenes", GREEN, "test_scenes", key),
     ];
     if key == "accuracy" {
-        lines.push(Line::dashed("always \"failure\"", ORANGE, points("test_attempts", "baseline_accuracy")));
-        lines.push(Line::dashed("", GREEN, points("test_scenes", "baseline_accuracy")));
+        lines.push(line("always \"failure\"", ORANGE, "test_attempts", "baseline_accuracy"));
+        lines.push(line("", GREEN, "test_scenes", "baseline_accuracy"));
     }
-    let values = || lines.iter().flat_map(|line| &line.points).map(|point| point.1);
+    let values = || lines.iter().flat_map(|line| &line.points).map(|point| point[1]);
     let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-    let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
-    let step = epochs.len().div_ceil(10).max(1);
-    let last = epochs.len().max(1).next_multiple_of(step);
-    Figure {
-        title: title.to_owned(),
-        x: Scale::steps("epoch", 0.0, last as f64, step as f64),
-        y: Scale::around(label, low, high),
-        lines,
-        bars: Vec::new(),
-    }
+    let ends = if low <= high { [low, high] } else { [0.0, 1.0] };
+    let x = Scale::around("epoch", [0.0, epochs.len() as f64], 1.0);
+    Figure { x, y: Scale::around(label, ends, 0.0), lines }
 }
 
 #[cfg(test)]
