@@ -44,7 +44,7 @@ pub const GREEN: &str = "#009e73";
 const LIGHT: &str = "#e1e1e1";
 
 /// How the font is called in an SVG: as those call it who have it, then one of the same widths, then any.
-pub(crate) const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
+const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
 
 // Where the axes end, in pixels.
 const LEFT: f64 = 56.0;

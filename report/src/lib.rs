@@ -7,7 +7,6 @@
 mod assets;
 pub mod document;
 pub mod figure;
-pub mod hand;
 pub mod overlay;
 pub mod picture;
 pub mod view;

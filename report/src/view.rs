@@ -154,6 +154,8 @@ pub enum Class {
     Surface,
     /// Contacts.
     Contact,
+    /// The axes of a frame.
+    Axes,
     /// A grasp, by its outcome.
     #[serde(untagged)]
     Grasp(Outcome),

@@ -42,6 +42,7 @@
     pregrasp_collision: { name: "pregrasp collision", rgb: () => hue("pregrasp_collision"), wide: 1.1 },
     contact: { name: "contacts", rgb: () => (isDark.matches ? [240, 228, 66] : [20, 20, 20]), x: true, wide: 2 },
     surface: { name: "surface as seen (TSDF)", rgb: () => BLUE },
+    axes: { name: "axes", rgb: () => ORANGE, wide: 2 },
     camera: { name: "cameras", rgb: grey },
     workspace: { name: "workspace", rgb: grey },
     container: { name: "container", rgb: grey, a: 0.35 },

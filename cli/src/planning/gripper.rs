@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use program::{ExitCode, Failure, print, write};
-use report::hand;
-use schema::{FingerTip, Gripper};
+use report::view::{Body, Class, Line, View, flat_points};
+use schema::{FingerTip, Gripper, Pose, Quat, Vec3};
 use settings::{Document, Value, settings};
 
-/// Show a gripper's measures, and draw it, to compare it with the real one
+/// Show a gripper's measures and its boxes, to compare it with the real one
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
@@ -17,9 +17,9 @@ pub(crate) struct Arguments {
     #[arg(value_name = "GRIPPER")]
     hand: String,
 
-    /// Draw the hand from two sides, with its measures and the grasp frame's axes
-    #[arg(long, value_name = "SVG")]
-    picture: Option<PathBuf>,
+    /// Write a page on which the hand can be turned about: its boxes with their sizes, and the grasp frame's axes
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
 }
 
 settings! {
@@ -38,11 +38,33 @@ pub(crate) fn named(hand: &str) -> Result<Gripper, Failure> {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let gripper = named(&arguments.hand)?;
-    if let Some(path) = &arguments.picture {
-        write(path, hand::svg(&gripper))?;
+    if let Some(path) = &arguments.html {
+        write(path, page(&gripper))?;
     }
     print(table(&gripper))?;
     Ok(ExitCode::Ok)
+}
+
+/// The open hand, pointing down, with the numbers of its file.
+fn page(gripper: &Gripper) -> String {
+    let mut view = View::new(&gripper.name);
+    let down = Pose::from_parts(Vec3::ZERO, Quat::from_xyzw(1.0, 0.0, 0.0, 0.0));
+    view.bodies.extend(gripper.open_hand().iter().map(|part| {
+        let [x_mm, y_mm, z_mm] = (2e3 * part.half_m).to_array();
+        let label = format!("{x_mm:.1} mm along x, {y_mm:.1} mm along y, {z_mm:.1} mm along z");
+        Body::of_box(Class::Hand, label, part, &[down])
+    }));
+    let flange_m = gripper.target_from_flange(&Pose::IDENTITY).map(|flange| ("the flange", flange.translation));
+    let axes =
+        [("x", Vec3::X), ("y: closing", Vec3::Y), ("z: approach", Vec3::Z)].map(|(name, axis)| (name, 0.05 * axis));
+    view.lines.extend(axes.into_iter().chain(flange_m).map(|(name, end_m)| {
+        let points_m = flat_points([Vec3::ZERO, down.transform_point(end_m)]);
+        Line { class: Class::Axes, label: name.to_owned(), points_m, frames: None }
+    }));
+    for (key, value) in gripper.numbers() {
+        view.fact(key, value.to_string());
+    }
+    view.page()
 }
 
 /// The numbers as a table, lengths in millimetres.

@@ -351,7 +351,7 @@ Examples:
   graspmill plan --views views.toml --check-collisions --out plan.json
   graspmill plan --cloud table.npy --eye 0.15,-0.4,0.5 --explain
   graspmill plan --tsdf scene.npy --config paper
-  graspmill gripper franka_hand --picture hand.svg
+  graspmill gripper franka_hand --html hand.html
   graspmill serve --port 8040
 
 If no grasp is found, the plan says why, and the exit code is still 0. Programs read the plan with --json or from the file of --out.";

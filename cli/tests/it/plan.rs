@@ -147,14 +147,17 @@ fn bad_input_is_named_with_its_place_and_code() {
 fn a_hand_is_told_and_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let output = run(&["gripper", "franka_hand", "--picture", &path("hand.svg")]);
+    let output = run(&["gripper", "franka_hand", "--html", &path("hand.html")]);
     assert!(output.status.success(), "{output:?}");
     let told = String::from_utf8(output.stdout).unwrap();
     for words in ["franka_hand\n", "finger_length_m", "46.0 mm", "closing_speed_m_s       0.05", "112.3 mm; quaternion"]
     {
         assert!(told.contains(words), "{words} is not in {told}");
     }
-    assert!(fs::read_to_string(path("hand.svg")).unwrap().contains("palm_breadth_m 204 mm"));
+    let page = fs::read_to_string(path("hand.html")).unwrap();
+    for words in ["63.0 mm along x, 204.0 mm along y, 66.0 mm along z", "z: approach", "the flange", "palm_breadth_m"] {
+        assert!(page.contains(words), "{words} is not in {page}");
+    }
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/grippers/slim_jaw_50.toml");
     assert!(run(&["gripper", file.to_str().unwrap()]).status.success());
     let output = run(&["gripper", "three_fingers"]);
