@@ -76,14 +76,6 @@ pub(crate) struct Arguments {
     #[arg(long)]
     demo: bool,
 
-    /// An option of earlier versions, refused with a hint at its replacement
-    #[arg(long, value_name = "DIR|URL", hide = true, value_parser = no_dataset)]
-    dataset: Option<String>,
-
-    /// Went with --dataset
-    #[arg(long, value_name = "N", hide = true, requires = "dataset")]
-    scene: Option<u64>,
-
     /// Where the cloud was seen from; repeat for several places [default: a PCD file's viewpoint, else straight above]
     #[arg(long, value_name = "X,Y,Z", requires = "cloud", value_parser = numbers::<3>, allow_hyphen_values = true)]
     eye: Vec<[f64; 3]>,
@@ -156,10 +148,6 @@ pub(crate) struct Arguments {
     /// Write the scene and its grasps as a page, to be turned about
     #[arg(long, value_name = "HTML")]
     html: Option<PathBuf>,
-
-    /// An option of earlier versions, refused with a hint at its replacement
-    #[arg(long, value_name = "PNG", hide = true, value_parser = no_picture)]
-    picture: Option<String>,
 
     /// Draw the best grasps into the first camera's image: into --color, else into its depth, in grey
     #[arg(long, value_name = "PNG")]
@@ -314,20 +302,6 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let read = read.map_err(|e| format!("not a number: {e}"))?;
     let count = read.len();
     read.try_into().map_err(|_| format!("must be {N} numbers with commas between them, got {count}"))
-}
-
-/// A robot's planner reads no datasets.
-fn no_dataset(dataset: &str) -> Result<String, String> {
-    Err(format!(
-        "the planner reads no datasets: in Python numpy.save(\"scene.npy\", graspmill.Dataset(\"{dataset}\")[N].tsdf), then --tsdf \
-         scene.npy"
-    ))
-}
-
-/// A plan is drawn into an image, or shown on a page.
-fn no_picture(_: &str) -> Result<String, String> {
-    Err("there is no PNG of a plan any more: --html FILE writes a page, --overlay FILE draws into the camera's image"
-        .to_owned())
 }
 
 const VIEWS_FILE: &str = "\

@@ -140,7 +140,6 @@ fn bad_input_is_named_with_its_place_and_code() {
     refused(&["--cloud", &cloud], 65, "got a PLY or PCD file: the program of the Python package");
     fs::write(&lens, "k: [607.5, 0.0, 320.25, 0.0, 608.0, 241.0, 0.0, 0.0, 1.0]\n").unwrap();
     refused(&["--depth", "depth.png", "--intrinsics", &lens], 65, "the program of the Python package");
-    refused(&["--dataset", "grasps", "--scene", "7"], 2, "graspmill.Dataset(\"grasps\")[N].tsdf");
 }
 
 #[test]
