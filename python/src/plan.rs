@@ -12,7 +12,6 @@ use planner::{Config, Observation, PlanOptions, Target, View, WillDo};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use report::overlay::grey;
 use schema::{ColorImage, Gripper, Pose, Vec3, VoxelGrid};
 
 use crate::fault::{array, free, raised, room, wrong};
@@ -172,10 +171,7 @@ impl Planner {
         is_asked: bool,
         warnings: Vec<String>,
     ) -> PyResult<Planned> {
-        let first = match &observation {
-            Observation::Views(views) => views.first().cloned(),
-            _ => None,
-        };
+        let first = observation.images().and_then(<[View]>::first).cloned();
         let planner = Arc::clone(&self.planner);
         planned(py, self.threads, is_asked, move |will_do| {
             let mut plan = planner.plan_with(&observation, &options, will_do)?;
@@ -280,9 +276,6 @@ impl Plan {
 
     /// The best grasps in an image of the first camera, `[height, width, 3]`, or in its depth in grey, as a PNG.
     fn overlay<'py>(&self, py: Python<'py>, image: Option<PyReadonlyArray3<'_, u8>>) -> PyResult<Bound<'py, PyBytes>> {
-        let Some(View { image: depth, camera, .. }) = &self.first else {
-            return Err(wrong("the plan was made without a camera, so there is no image to draw into"));
-        };
         let given = image.map(|image| {
             let pixels = image.as_array();
             ColorImage {
@@ -292,10 +285,7 @@ impl Plan {
             }
         });
         room(PICTURE_BYTES)?;
-        let png = free(py, || {
-            let image = given.unwrap_or_else(|| grey(depth));
-            draw_into(image, &camera.intrinsics, &self.plan, &self.gripper)
-        })?;
+        let png = free(py, || draw_into(given, self.first.as_ref(), &self.plan, &self.gripper))?;
         PyBytes::new_with(py, png.len(), |bytes| {
             bytes.copy_from_slice(&png);
             Ok(())

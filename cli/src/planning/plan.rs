@@ -7,11 +7,9 @@ use planner::input::{
     BoxInput, ConeInput, InputError, OrientationInput, PlaceInput, PoseInput, PosePartsInput, ReadLens, Request,
     RequestInput, SourceInput, ViewInput, assemble, from_file, read_color, read_file, read_intrinsics,
 };
-use planner::plan::Plan;
-use planner::{Observation, Planners, Policy, View, demo};
+use planner::{Planners, Policy, View, demo};
 use program::{ExitCode, Failure, json, print, print_error, write};
-use report::overlay::grey;
-use schema::{Grid, Gripper};
+use schema::Grid;
 
 use super::show::{draw_into, page};
 use super::{NetworkArguments, console};
@@ -176,7 +174,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         write(path, page(&plan, &planner.config.gripper, &title(arguments)))?;
     }
     if let Some(path) = &arguments.overlay {
-        write(path, overlaid(&plan, &observation, arguments.color.as_deref(), &planner.config.gripper)?)?;
+        let read =
+            |path: &PathBuf| read_color(&read_file(path)?).map_err(|error| error.at(&path.display().to_string()));
+        let color = arguments.color.as_ref().map(read).transpose()?;
+        let first = observation.images().and_then(<[View]>::first);
+        write(path, draw_into(color, first, &plan, &planner.config.gripper)?)?;
     }
     if let Some(path) = &arguments.out {
         write(path, json(&plan)?)?;
@@ -217,27 +219,6 @@ fn request(arguments: &Arguments, grid: Grid) -> Result<Request, InputError> {
     let mut request = assemble(&input, Some(Path::new("")), grid)?;
     request.warnings.extend(warning);
     Ok(request)
-}
-
-/// The best grasps in the first camera's image.
-fn overlaid(
-    plan: &Plan,
-    observation: &Observation,
-    color: Option<&Path>,
-    gripper: &Gripper,
-) -> Result<Vec<u8>, Failure> {
-    let view = match observation {
-        Observation::Views(views) => views.first(),
-        _ => None,
-    };
-    let Some(View { image, camera, .. }) = view else {
-        return Err(InputError::Value("goes with depth images: --overlay".to_owned()).into());
-    };
-    let image = match color {
-        Some(path) => read_color(&read_file(path)?).map_err(|error| error.at(&path.display().to_string()))?,
-        None => grey(image),
-    };
-    draw_into(image, &camera.intrinsics, plan, gripper)
 }
 
 fn add_flags(arguments: &Arguments, input: &mut RequestInput) {

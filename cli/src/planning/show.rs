@@ -2,9 +2,9 @@
 
 use planner::plan::{Plan, PointLabel, RankedGrasp, RejectReason};
 use program::{ExitCode, Failure};
-use report::overlay::{Hand, overlay};
+use report::overlay::{Hand, grey, overlay};
 use report::view::{Body, Class, Line, View, flat_points};
-use schema::{ColorImage, Gripper, Intrinsics, Outcome};
+use schema::{ColorImage, Gripper, Outcome};
 
 /// Most grasps of a page; more could not be distinguished.
 const SHOWN_MAX: usize = 40;
@@ -63,22 +63,26 @@ fn points(plan: &Plan, class: Class, label: &str, wanted: PointLabel) -> Line {
     Line { class, label: label.to_owned(), points_m, frames: None }
 }
 
-/// Draws the best grasps into an image that the first camera took, as PNG.
+/// Draws the best grasps into an image that the first camera took, or into its depth in grey, as PNG.
 ///
 /// # Errors
-/// As [`overlay`], and if the plan knows no camera.
-pub fn draw_into(image: ColorImage, lens: &Intrinsics, plan: &Plan, gripper: &Gripper) -> Result<Vec<u8>, Failure> {
+/// As [`overlay`], and if there was no camera.
+pub fn draw_into(
+    color: Option<ColorImage>,
+    first: Option<&planner::View>,
+    plan: &Plan,
+    gripper: &Gripper,
+) -> Result<Vec<u8>, Failure> {
+    let Some(planner::View { image, camera, .. }) = first else {
+        let refused = "the plan was made without a camera, so there is no image to draw into";
+        return Err(Failure::new(ExitCode::Config, refused));
+    };
     let best = plan.grasps.iter().take(DRAWN_MAX);
     let hand = |grasp: &RankedGrasp| {
         grasp.camera_from_grasp.map(|camera_from_grasp| Hand { camera_from_grasp, opening_m: grasp.opening_m })
     };
-    match best.map(hand).collect::<Option<Vec<Hand>>>() {
-        Some(hands) => overlay(image, lens, &hands, gripper),
-        None => {
-            let refused = "the plan was made without a camera, so there is no image to draw into";
-            Err(Failure::new(ExitCode::Config, refused))
-        }
-    }
+    let hands: Vec<Hand> = best.filter_map(hand).collect();
+    overlay(color.unwrap_or_else(|| grey(image)), &camera.intrinsics, &hands, gripper)
 }
 
 #[cfg(test)]
