@@ -1,20 +1,20 @@
 //! `graspmill generate`: makes the shards of this process.
 
 use std::collections::BTreeSet;
-use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use clap::Args;
 use generator::{Config, Event, Overrides, REJECTED_SHARE_MAX, attempts_of, generate};
-use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use program::text::{key_and_value, per_second};
+use indicatif::ProgressBar;
+use program::text::key_and_value;
 use program::{Context, ExitCode, Failure, print, print_error, start_threads, stop_on_signals};
 use shards::{DatasetInfo, Finalized, Location};
 
 use crate::assignment::{Task, assigned, index_list, shard_indices, task};
 use crate::parse::LocationParser;
+use crate::progress::style;
 use crate::table;
 
 /// Generate a grasp dataset
@@ -128,16 +128,8 @@ struct Progress {
 
 impl Progress {
     fn new(info: &DatasetInfo, wanted: &[u32]) -> Self {
-        let style =
-            ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} attempts · {rate} · {msg} · {eta} left");
-        let rate = |state: &ProgressState, out: &mut dyn Write| {
-            let _ = out.write_str(&per_second(state.per_sec()));
-        };
-        let style = style.map(|style| style.with_key("rate", rate));
         let bar = ProgressBar::new(wanted.iter().map(|shard| attempts_of(info, *shard)).sum());
-        // Without a terminal indicatif draws nothing.
-        let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Self { bar, held: AtomicU64::new(0) }
+        Self { bar: bar.with_style(style("attempts · {per_sec:1}")), held: AtomicU64::new(0) }
     }
 
     fn show(&self, event: Event) {

@@ -21,6 +21,8 @@ mod objects;
 #[cfg(feature = "full")]
 mod pipeline;
 #[cfg(feature = "full")]
+mod progress;
+#[cfg(feature = "full")]
 mod table;
 #[cfg(feature = "full")]
 mod training;

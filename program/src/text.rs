@@ -45,12 +45,6 @@ pub fn markdown_table(head: &[(&str, bool)], rows: impl IntoIterator<Item = Vec<
     text
 }
 
-/// `671.7147` a second as `672/s`, `6.7147` as `6.7/s`.
-#[must_use]
-pub fn per_second(rate: f64) -> String {
-    if rate < 9.95 { format!("{rate:.1}/s") } else { format!("{}/s", grouped(rate.round() as u64)) }
-}
-
 /// `0.1234` as `12.3 %`.
 #[must_use]
 pub fn percent(share: f64) -> String {
@@ -126,7 +120,6 @@ mod tests {
         );
         let stored = serde_json::json!(["stepper", 1.2999999523162842, 4, true, {"a": 0.5}]);
         assert_eq!(setting(&stored), r#"[stepper, 1.3, 4, true, {"a":0.5}]"#);
-        assert_eq!([671.7147, 6.7147, 9.96, 2256.7].map(per_second), ["672/s", "6.7/s", "10/s", "2,257/s"]);
         assert_eq!(ratio(10, 30), "1 : 3.00");
         assert_eq!(ratio(0, 40), "0 : 40");
         assert_eq!(bar(0.5, 4), "██");

@@ -19,7 +19,6 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    // Without a terminal indicatif draws nothing.
     let bar = ProgressBar::new_spinner();
     let verified = shards::verify(&arguments.dataset, |shard| bar.set_message(format!("shard {shard} read")))?;
     bar.finish_and_clear();

@@ -9,12 +9,13 @@ use experiments::config::Config;
 use experiments::record::Round;
 use experiments::report::finish;
 use experiments::run::run as run_rounds;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use program::text::key_and_value;
 use program::{Context, ExitCode, Failure, FolderLock, print, print_error, stop_on_signals};
 
 use super::page::{in_short, write_page};
 use crate::command_line;
+use crate::progress::style;
 
 /// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.json, report.html
 #[derive(Debug, Args)]
@@ -98,7 +99,7 @@ pub(crate) fn execute(
     command: String,
 ) -> Result<ExitCode, Failure> {
     let planner = config.planner()?;
-    let bar = progress_bar(config.round_count());
+    let bar = ProgressBar::new(config.round_count()).with_style(style("rounds"));
     let counts = Mutex::new((0_u64, 0_u64));
     let on_round = |round: &Round| {
         let mut counts = counts.lock().unwrap_or_else(PoisonError::into_inner);
@@ -120,10 +121,4 @@ pub(crate) fn execute(
         in_short(&results),
     ))?;
     Ok(ExitCode::Ok)
-}
-
-fn progress_bar(rounds: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} rounds · {msg} · {eta} left");
-    // Without a terminal indicatif draws nothing.
-    ProgressBar::new(rounds).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

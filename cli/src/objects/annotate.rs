@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args, value_parser};
 use generator::{AnnotateParams, Annotated, GraspShares, LeftOut, annotate, relabel};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use inspect::{GivenGrasps, grasp_sets, grasps_info, grasps_table};
 use program::text::percent;
 use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
@@ -14,10 +14,11 @@ use report::document::{Block, Cell, Document, Table};
 use schema::{GripTest, Gripper};
 use serde_json::{Value, json};
 
-use super::import::{MeshOptions, file_bar, tell};
+use super::import::{MeshOptions, tell};
 use crate::dataset::browse::grasp_pages;
 use crate::parse::{between, one_of, others_do};
 use crate::planning::gripper::named;
+use crate::progress::style;
 
 /// The largest `NAME.json` that is read.
 const INFO_BYTES_MAX: u64 = 1 << 24;
@@ -144,7 +145,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
     let on_first = || print_error("stopping: abandoning the object under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
-    let bar = file_bar(None);
+    let bar = ProgressBar::new_spinner();
     let read = Annotated::read(&arguments.objects, &arguments.options.params(0, 0.0), &|file, it| tell(&bar, file, it));
     bar.finish_and_clear();
     let (objects, left_out) = read?;
@@ -153,9 +154,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         return Err(Failure::new(ExitCode::Config, text));
     }
     let _lock = FolderLock::take(&arguments.out)?;
-    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} grasps · {msg} · {eta} left");
-    let bar = ProgressBar::new((objects.len() * params.grasps) as u64);
-    let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let bar = ProgressBar::new((objects.len() * params.grasps) as u64).with_style(style("grasps"));
     let mut infos = Vec::new();
     for (number, object) in objects.iter().enumerate() {
         let begun = (number * params.grasps) as u64;

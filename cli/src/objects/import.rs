@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, value_parser};
 use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use program::text::percent;
 use program::{Context, ExitCode, Failure, json, print, print_error, write};
 use report::document::{Block, Cell, Document, Table};
 
 use crate::parse::between;
+use crate::progress::style;
 
 /// Make objects of your own meshes: measure them, decompose them into convex parts, write a catalogue
 #[derive(Debug, Args)]
@@ -114,15 +115,7 @@ impl MeshOptions {
     }
 }
 
-/// How many files have been read, of so many if that is known; without a terminal nothing is drawn.
-pub(super) fn file_bar(count: Option<usize>) -> ProgressBar {
-    let of = if count.is_some() { "/{human_len} files · {msg} · {eta} left" } else { " files · {msg}" };
-    let style = ProgressStyle::with_template(&format!("{{bar:32}} {{human_pos}}{of}"));
-    let bar = count.map_or_else(ProgressBar::new_spinner, |count| ProgressBar::new(count as u64));
-    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-}
-
-/// Shows on such a bar that a file is done, and why it is left out if it is.
+/// Shows on a bar that a file is done, and why it is left out if it is.
 pub(super) fn tell(bar: &ProgressBar, file: &Path, reason: Option<&str>) {
     if let Some(reason) = reason {
         bar.suspend(|| print_error(&format!("left out: {reason}")));
@@ -135,7 +128,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let config = Config::load(arguments.config.as_deref(), Overrides::default())?;
     check_target(&arguments.out)?;
     let sources = sources(&arguments.meshes, arguments.options.described.as_deref())?;
-    let bar = file_bar(Some(sources.len()));
+    let bar = ProgressBar::new(sources.len() as u64).with_style(style("files"));
     let params = arguments.options.params(arguments.drops, arguments.rests_min);
     let imported = import_objects(&sources, &params, &config, &|file, reason| tell(&bar, file, reason));
     bar.finish_and_clear();

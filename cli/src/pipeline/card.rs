@@ -26,9 +26,8 @@ pub(crate) fn card(pipeline: &Pipeline, steps: &[Step]) -> Result<String, Failur
             about.rows.push(row(&name, format!("{} attempts, {}", dataset.info().attempt_count, dataset.id())));
         } else if step.is("experiment") {
             let rates = Report::read(&step.out)?.results.rates;
-            rounds
-                .rows
-                .push([name.into(), share(rates.success_rate), share(rates.cleared_share)].map(Cell::from).into());
+            let row = [name.into(), share(rates.success_rate), share(rates.cleared_share)];
+            rounds.rows.push(row.map(Cell::from).into());
         }
     }
     let text = "Weights of a judge: they say of a hand in a scene how the attempt would end. Beside this file are its \

@@ -1,13 +1,12 @@
 //! What people see while training and after.
 
-use std::fmt::Write;
-
-use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
-use program::text::per_second;
+use indicatif::{HumanDuration, ProgressBar};
 use trainer::config::{Config, SplitBy};
 use trainer::events::{Beginning, EpochReport, Event};
 use trainer::metrics::Summary;
 use trainer::split::Labels;
+
+use crate::progress::style;
 
 /// Progress bars and the table of epochs.
 pub(crate) struct Screen {
@@ -24,13 +23,9 @@ impl Screen {
     }
 
     /// Begins the bar anew.
-    fn begin_bar(&self, len: u64, template: &str) {
+    fn begin_bar(&self, len: u64, of: &str) {
         self.bar.finish_and_clear();
-        let rate = |state: &ProgressState, out: &mut dyn Write| {
-            let _ = out.write_str(&per_second(state.per_sec()));
-        };
-        let style = ProgressStyle::with_template(template).map(|style| style.with_key("rate", rate));
-        self.bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        self.bar.set_style(style(of));
         self.bar.set_length(len);
         self.bar.reset();
     }
@@ -44,7 +39,7 @@ impl Screen {
         match event {
             Event::Loading(datasets) => {
                 let scenes = datasets.iter().map(|dataset| dataset.info().scene_count).sum();
-                self.begin_bar(scenes, "reading scenes {bar:30} {pos}/{len} {eta}");
+                self.begin_bar(scenes, "scenes read");
                 for dataset in *datasets {
                     let (attempts, scenes) = (dataset.info().attempt_count, dataset.info().scene_count);
                     self.line(&format!("dataset   {attempts} attempts in {scenes} scenes, {}", dataset.location()));
@@ -68,7 +63,7 @@ impl Screen {
         let sets = [train, test_attempts, test_scenes];
         let left = u64::from(self.config.training.epochs.saturating_sub(progress.epoch)) * train.samples as u64;
         let done = u64::from(progress.batch) * self.config.training.batch as u64;
-        self.begin_bar(left.saturating_sub(done), "{bar:30} {percent}% {msg}, {rate}, {eta} to go");
+        self.begin_bar(left.saturating_sub(done), "samples · {per_sec:1}");
         let [training, attempts, scenes] = sets.map(|set| set.samples);
         self.line(&format!("samples   {training} train, {attempts} test attempts, {scenes} of test scenes"));
         self.line(&format!("          {outside} attempts lie outside the grid and are left out"));
