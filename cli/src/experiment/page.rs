@@ -5,12 +5,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
-use experiments::record::Ending;
-use experiments::report::{About, Report};
+use experiments::config::Config;
+use experiments::offer::Plans;
+use experiments::record::{Ending, Round};
+use experiments::report::{About, Report, finish};
+use experiments::run::run;
 use experiments::statistics::{GroupResults, Interval, Percentiles, Rates, Results};
 use program::text::{grouped, percent};
-use program::{Failure, write};
+use program::{Failure, FolderLock, write};
 use report::document::{Block, Cell, Document, Table};
 use schema::Outcome;
 
@@ -19,6 +23,8 @@ const LEAD: &str = "Grasp success rate, GSR: attempts that held, of all attempts
                     round fail together. Times: p50 / p90 / p99.";
 const HEAD: [&str; 9] =
     ["experiment", "rounds", "objects", "attempts", "held", "GSR (95 %)", "DR (95 %)", "rounds cleared", "ms a plan"];
+/// The page in an experiment's folder.
+pub(crate) const PAGE: &str = "report.html";
 /// Of fewer rounds a bootstrap says little.
 const ROUNDS_MIN: u64 = 30;
 
@@ -45,19 +51,31 @@ pub fn document(folders: &[PathBuf]) -> Result<Document, Failure> {
     Ok(described(&folders.iter().zip(&reports).map(named).collect::<Vec<_>>()))
 }
 
-/// Writes the page of an experiment that is done into its folder, and returns its file.
+/// Plays the rounds of an experiment that are missing, and writes its results and their page into its folder; `command`
+/// is what the report names. Its rates with their protocol in a few lines, or nothing if it was stopped.
 ///
 /// # Errors
-/// If a file cannot be read or written.
-pub fn write_page(folder: &Path) -> Result<PathBuf, Failure> {
-    let path = folder.join("report.html");
-    write(&path, document(&[folder.to_owned()])?.html())?;
-    Ok(path)
+/// If the folder is in use or holds another experiment, a round fails, or a file cannot be written.
+pub fn play(
+    config: &Config,
+    planner: &dyn Plans,
+    command: String,
+    threads: usize,
+    folder: &Path,
+    stop: &AtomicBool,
+    on_round: &(dyn Fn(&Round) + Sync),
+) -> Result<Option<String>, Failure> {
+    let _lock = FolderLock::take(folder)?;
+    let rounds = run(config, planner, threads, folder, stop, on_round)?;
+    if (rounds.len() as u64) < config.round_count() {
+        return Ok(None);
+    }
+    let results = finish(config, command, planner.id(), &rounds, folder)?;
+    write(&folder.join(PAGE), document(&[folder.to_owned()])?.html())?;
+    Ok(Some(in_short(&results)))
 }
 
-/// An experiment's rates with their protocol in a few lines, as they are read last in a terminal.
-#[must_use]
-pub fn in_short(results: &Results) -> String {
+fn in_short(results: &Results) -> String {
     let Results { protocol, objects, attempts, held, removed, plan_ms, .. } = results;
     let [success, cleared, _] = results.rates.all().map(share);
     format!(
@@ -222,7 +240,7 @@ mod tests {
         Played { name: results.protocol.clone(), report: report(results) }
     }
 
-    const PAGE: &str = r#"# Experiment pile
+    const EXPECTED: &str = r#"# Experiment pile
 
 LEAD
 
@@ -264,7 +282,7 @@ name = "```"
 
     #[test]
     fn the_report_is_this_one() {
-        let expected = PAGE.replace("VERSION", env!("CARGO_PKG_VERSION")).replace("LEAD", LEAD);
+        let expected = EXPECTED.replace("VERSION", env!("CARGO_PKG_VERSION")).replace("LEAD", LEAD);
         assert_eq!(described(&[played(small("pile"))]).markdown(), expected);
     }
 

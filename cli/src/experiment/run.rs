@@ -1,20 +1,18 @@
 //! `graspmill experiment run`: runs an experiment, or continues it.
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
 use experiments::config::Config;
 use experiments::record::Round;
-use experiments::report::finish;
-use experiments::run::run as run_rounds;
 use indicatif::ProgressBar;
 use program::text::key_and_value;
-use program::{Context, ExitCode, Failure, FolderLock, print, print_error, stop_on_signals};
+use program::{Context, ExitCode, Failure, print, print_error, stop_on_signals};
 
-use super::page::{in_short, write_page};
+use super::page::{PAGE, play};
 use crate::command_line;
+use crate::parse::others_do;
 use crate::progress::style;
 
 /// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.json, report.html
@@ -61,43 +59,16 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if arguments.planner.is_some() {
-        let text =
-            "the program of the Python package asks another planner: pip install graspmill, then run the same command";
-        return Err(Failure::new(ExitCode::Usage, text));
+        return Err(others_do("asks another planner", ""));
     }
-    let config = config(&arguments.config, &arguments.set, arguments.rounds, arguments.seed)?;
+    let mut set = arguments.set.clone();
+    set.extend(arguments.rounds.map(|rounds| ("rounds".to_owned(), rounds.to_string())));
+    set.extend(arguments.seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
+    let config = Config::read(Some(&arguments.config), &set)?;
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = arguments.threads.map_or_else(cores, usize::from);
     let on_first = || print_error("stopping after the rounds under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
-    execute(&config, &arguments.out, threads, &stop, command_line())
-}
-
-/// The experiment of a file, with what is said in place of its keys.
-pub(crate) fn config(
-    file: &Path,
-    set: &[(String, String)],
-    rounds: Option<u64>,
-    seed: Option<u64>,
-) -> Result<Config, Failure> {
-    let mut set = set.to_vec();
-    set.extend(rounds.map(|rounds| ("rounds".to_owned(), rounds.to_string())));
-    set.extend(seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
-    Ok(Config::read(Some(file), &set)?)
-}
-
-/// Cores of this machine.
-pub(crate) fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
-}
-
-/// Plays an experiment's rounds, with progress, and writes and prints the results. `command` is what the report names.
-pub(crate) fn execute(
-    config: &Config,
-    out: &Path,
-    threads: usize,
-    stop: &AtomicBool,
-    command: String,
-) -> Result<ExitCode, Failure> {
     let planner = config.planner()?;
     let bar = ProgressBar::new(config.round_count()).with_style(style("rounds"));
     let counts = Mutex::new((0_u64, 0_u64));
@@ -108,17 +79,12 @@ pub(crate) fn execute(
         bar.set_message(format!("{} of {} grasps held", counts.1, counts.0));
         bar.inc(1);
     };
-    let _lock = FolderLock::take(out)?;
-    let rounds = run_rounds(config, &planner, threads, out, stop, &on_round)?;
+    let played = play(&config, &planner, command_line(), threads, &arguments.out, &stop, &on_round)?;
     bar.finish_and_clear();
-    if (rounds.len() as u64) < config.round_count() {
-        return Ok(ExitCode::TryAgain);
-    }
-    let results = finish(config, command, planner.model_id, &rounds, out)?;
+    let Some(in_short) = played else { return Ok(ExitCode::TryAgain) };
     print(format_args!(
-        "{}  failures and how it was run; also report.json and tables as Parquet\n\n{}",
-        write_page(out)?.display(),
-        in_short(&results),
+        "{}  failures and how it was run; also report.json and tables as Parquet\n\n{in_short}",
+        arguments.out.join(PAGE).display()
     ))?;
     Ok(ExitCode::Ok)
 }

@@ -1,10 +1,9 @@
 //! `graspmill fit`: trains a network, or continues training it.
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::path::PathBuf;
 
 use clap::Args;
-use network::checkpoint::{self, Checkpoint};
+use network::checkpoint;
 use program::{Context, ExitCode, Failure, print, start_threads, stop_on_signals};
 use shards::Location;
 use trainer::config::Config;
@@ -49,34 +48,19 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let (config, from) = config(arguments.config.as_deref(), arguments.epochs, arguments.from.as_deref())?;
+    let mut config = Config::load(arguments.config.as_deref())?;
+    config.training.epochs = arguments.epochs.unwrap_or(config.training.epochs);
+    let (from, digest) = arguments.from.as_deref().map(checkpoint::read_digested).transpose()?.unzip();
+    config.from = digest.or(config.from);
     start_threads(arguments.threads)?;
     let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
     let (data, run, device) = (arguments.data.as_slice(), arguments.run.as_path(), arguments.device.open()?);
     let job = Job { data, config: &config, run, from: from.as_ref(), resume: arguments.resume, device: &device };
-    execute(&job, &stop)
-}
-
-/// The config with what is said in place of its keys, and the weights to begin with.
-pub(crate) fn config(
-    file: Option<&Path>,
-    epochs: Option<u32>,
-    from: Option<&Path>,
-) -> Result<(Config, Option<Checkpoint>), Failure> {
-    let mut config = Config::load(file)?;
-    config.training.epochs = epochs.unwrap_or(config.training.epochs);
-    let (from, digest) = from.map(checkpoint::read_digested).transpose()?.unzip();
-    config.from = digest.or(config.from);
-    Ok((config, from))
-}
-
-/// Trains, with progress, and prints what came of it.
-pub(crate) fn execute(job: &Job<'_>, stop: &AtomicBool) -> Result<ExitCode, Failure> {
-    let screen = Screen::new(job.config);
-    let ending = fit(job, stop, &|event| {
+    let screen = Screen::new(&config);
+    let ending = fit(&job, &stop, &|event| {
         screen.show(&event);
         if matches!(event, Event::Epoch(_))
-            && let Err(error) = draw_curves(job.run)
+            && let Err(error) = draw_curves(run)
         {
             tracing::warn!("the curves are not drawn: {error}");
         }
@@ -84,14 +68,14 @@ pub(crate) fn execute(job: &Job<'_>, stop: &AtomicBool) -> Result<ExitCode, Fail
     screen.end();
     match ending {
         Ending::Done => {
-            let run = job.run.display();
+            let (best, run) = (SavedAs::Best.path(run), run.display());
             // Of several datasets nothing is held out that could be found again.
-            let next = if let [one] = job.data { one.to_string() } else { "ANOTHER".to_owned() };
+            let next = if let [one] = data { one.to_string() } else { "ANOTHER".to_owned() };
             print(format_args!(
                 "\nbest weights  {}\n\
                  metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg\n\
                  next          graspmill evaluate --run {run} --data {next}\n",
-                SavedAs::Best.path(job.run).display()
+                best.display()
             ))?;
             Ok(ExitCode::Ok)
         }
