@@ -1,8 +1,7 @@
 //! `graspmill.annotate`: labelled grasps of an object alone, with progress and Ctrl-C.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
 use ::generator::catalogue::CatalogueObject;
 use ::generator::{AnnotateParams, Annotated, GraspShares, ImportParams};
@@ -26,15 +25,7 @@ const NUMBERS: usize = 20;
 #[derive(Debug)]
 pub(crate) struct Annotation {
     work: Apart<ObjectGrasps>,
-    stop: Arc<AtomicBool>,
-    made: Arc<AtomicUsize>,
     set: Option<ObjectGrasps>,
-}
-
-impl Drop for Annotation {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-    }
 }
 
 /// How grasps are drawn and tried, as Python has it: number, whether only what holds is kept, shares, test, whether
@@ -73,9 +64,7 @@ impl Annotation {
             ..AnnotateParams::default()
         };
         let body = body.map(|(body, mass_kg, friction)| (body.get().body().clone(), mass_kg, friction));
-        let (stop, made) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicUsize::new(0)));
-        let (stopped, told) = (Arc::clone(&stop), Arc::clone(&made));
-        let work = move || {
+        let work = Apart::start(threads, move |_, counts| {
             let annotated = match (body, file) {
                 (Some((body, mass_kg, friction)), _) => {
                     let object = CatalogueObject { body, mass_kg, friction, origin_m: Vec3::ZERO };
@@ -84,22 +73,22 @@ impl Annotation {
                 (None, file) => of_file(file)?,
             };
             let mut go_on = |made: usize| {
-                told.store(made, Ordering::Relaxed);
-                !stopped.load(Ordering::Relaxed)
+                counts.done.store(made as u64, Ordering::Relaxed);
+                !counts.stop.load(Ordering::Relaxed)
             };
             let set = match &given {
                 Some(given) => ::generator::relabel(&annotated, &params, given, &mut go_on),
                 None => ::generator::annotate(&annotated, &params, &mut go_on),
             };
             set.ok_or_else(|| Failure::new(ExitCode::TryAgain, "the annotation was stopped"))
-        };
-        Ok(Self { work: Apart::start(threads, move |_| work())?, stop, made, set: None })
+        })?;
+        Ok(Self { work, set: None })
     }
 
     /// How many grasps there are.
     #[getter]
-    fn made(&self) -> usize {
-        self.made.load(Ordering::Relaxed)
+    fn made(&self) -> u64 {
+        self.work.counts.told()[0]
     }
 
     /// Whether it ends within a moment.

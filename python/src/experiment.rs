@@ -3,41 +3,24 @@
 //! The rounds run on threads of their own. The function is called by the package's Python half, for one round after the
 //! other, while the rounds that wait for it stand still.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Sender, channel};
 
 use experiments::config::Config;
 use experiments::offer::{Look, NoPlan, Offer, Plans};
 use experiments::record::Round;
-use experiments::report::finish;
-use experiments::run::run;
-use graspmill::experiment::page::{document, in_short, write_page};
+use graspmill::experiment::page::{document, play};
 use numpy::{PyArray2, PyArrayMethods as _};
 use planner::View;
-use program::{ExitCode, Failure, FolderLock};
+use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use schema::{Pose, Vec3};
 
 use crate::fault::{array, free, raised};
 use crate::pool::Apart;
 use crate::scene::{Seven, Simulation, pose, rows, seven};
-
-/// How far the rounds are, and whether they shall stop.
-#[derive(Debug, Default)]
-struct Counts {
-    stop: AtomicBool,
-    rounds: AtomicU64,
-    held: AtomicU64,
-}
-
-impl Counts {
-    fn add(&self, round: &Round) {
-        self.rounds.fetch_add(1, Ordering::Relaxed);
-        self.held.fetch_add(round.removed_count.into(), Ordering::Relaxed);
-    }
-}
 
 /// What the rounds tell: that one waits for grasps, or that all are played.
 #[derive(Debug)]
@@ -155,20 +138,14 @@ impl Seen {
 #[pyclass(module = "graspmill._native")]
 #[derive(Debug)]
 pub(crate) struct Experiment {
+    /// Dropped before the answer: it shall stop before the round that waits hears that nobody answers.
     work: Apart<Step>,
-    counts: Arc<Counts>,
     config: Arc<Config>,
     /// Of the round that waits.
     answer: Option<Sender<Answer>>,
     /// The rates in a few lines, once all rounds are played.
     #[pyo3(get)]
     in_short: Option<String>,
-}
-
-impl Drop for Experiment {
-    fn drop(&mut self) {
-        self.counts.stop.store(true, Ordering::Relaxed);
-    }
 }
 
 #[pymethods]
@@ -184,16 +161,19 @@ impl Experiment {
         threads: usize,
     ) -> PyResult<Self> {
         let config = Config::read(config.as_deref(), &set).map_err(|error| raised(&error.into()))?;
-        let (config, counts) = (Arc::new(config), Arc::new(Counts::default()));
-        let (asked, told) = (Arc::clone(&config), Arc::clone(&counts));
-        let work = move |tell: &Sender<Result<Step, Failure>>| {
+        let config = Arc::new(config);
+        let asked = Arc::clone(&config);
+        let work = Apart::start(1, move |tell, counts| {
             let planner: Box<dyn Plans> = match id {
                 Some(id) => Box::new(Function { id, tell: tell.clone() }),
                 None => Box::new(asked.planner()?),
             };
-            play(&asked, &*planner, command, threads, &out, &told).map(Step::Played)
-        };
-        Ok(Self { work: Apart::start(1, work)?, counts, config, answer: None, in_short: None })
+            let on_round = |round: &Round| counts.add(1, round.removed_count.into());
+            let played = play(&asked, &*planner, command, threads, &out, &counts.stop, &on_round)?;
+            let stopped = || Failure::new(ExitCode::TryAgain, "the experiment was stopped");
+            played.map(Step::Played).ok_or_else(stopped)
+        })?;
+        Ok(Self { work, config, answer: None, in_short: None })
     }
 
     /// The hand that executes.
@@ -211,11 +191,8 @@ impl Experiment {
     /// Rounds that are there, all rounds, and grasps that held.
     #[getter]
     fn counts(&self) -> (u64, u64, u64) {
-        (
-            self.counts.rounds.load(Ordering::Relaxed),
-            self.config.round_count(),
-            self.counts.held.load(Ordering::Relaxed),
-        )
+        let [rounds, held] = self.work.counts.told();
+        (rounds, self.config.round_count(), held)
     }
 
     /// What a round shows its planner, if one asks within a moment.
@@ -252,9 +229,9 @@ impl Experiment {
 
     /// Stops it, and waits until what is done is kept.
     fn stop(&mut self, py: Python<'_>) {
-        self.counts.stop.store(true, Ordering::Relaxed);
+        self.work.counts.stop.store(true, Ordering::Relaxed); // as when it is dropped
         self.answer = None;
-        self.work.end(py);
+        self.work.stop(py);
     }
 }
 
@@ -263,25 +240,6 @@ impl Experiment {
         // A round that has failed otherwise does not listen.
         _ = self.answer.take().map(|asked| asked.send(answer));
     }
-}
-
-/// Plays the rounds that are missing and writes the results. The rates in a few lines.
-fn play(
-    config: &Config,
-    planner: &dyn Plans,
-    command: String,
-    threads: usize,
-    out: &Path,
-    counts: &Counts,
-) -> Result<String, Failure> {
-    let _lock = FolderLock::take(out)?;
-    let rounds = run(config, planner, threads, out, &counts.stop, &|round| counts.add(round))?;
-    if (rounds.len() as u64) < config.round_count() {
-        return Err(Failure::new(ExitCode::TryAgain, "the experiment was stopped"));
-    }
-    let results = finish(config, command, planner.id(), &rounds, out)?;
-    write_page(out)?;
-    Ok(in_short(&results))
 }
 
 /// The page of an experiment that is done.

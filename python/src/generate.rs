@@ -1,8 +1,6 @@
 //! `graspmill.generate`: the generator, with progress and Ctrl-C.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use ::generator::{Config, Event, Overrides, attempts_of};
 use program::{ExitCode, Failure};
@@ -12,38 +10,12 @@ use shards::{Finalized, Location};
 use crate::fault::{raised, wrong};
 use crate::pool::Apart;
 
-/// How far a run is, and whether it shall stop.
-#[derive(Debug, Default)]
-struct Counts {
-    stop: AtomicBool,
-    done: AtomicU64,
-    held: AtomicU64,
-}
-
-impl Counts {
-    fn add(&self, event: &Event) {
-        let (more, positive) = match *event {
-            Event::Skipped { attempts } => (attempts, 0),
-            Event::Scene { attempts, positives } => (attempts, positives),
-        };
-        self.done.fetch_add(more, Ordering::Relaxed);
-        self.held.fetch_add(positive, Ordering::Relaxed);
-    }
-}
-
 /// All shards of a dataset, which are being generated.
 #[pyclass(module = "graspmill._native")]
 #[derive(Debug)]
 pub(crate) struct Generation {
     work: Apart<()>,
-    counts: Arc<Counts>,
     total: u64,
-}
-
-impl Drop for Generation {
-    fn drop(&mut self) {
-        self.counts.stop.store(true, Ordering::Relaxed);
-    }
 }
 
 #[pymethods]
@@ -68,11 +40,12 @@ impl Generation {
         let info = config.dataset_info();
         let wanted: Vec<u32> = (0..config.shards).collect();
         let total = wanted.iter().map(|shard| attempts_of(&info, *shard)).sum();
-        let counts = Arc::new(Counts::default());
-        let told = Arc::clone(&counts);
-        let work = move || {
-            let on_event = |event: Event| told.add(&event);
-            let report = ::generator::generate(&config, location, &wanted, rejected_max, &told.stop, &on_event)?;
+        let work = Apart::start(threads, move |_, counts| {
+            let on_event = |event: Event| match event {
+                Event::Skipped { attempts } => counts.add(attempts, 0),
+                Event::Scene { attempts, positives } => counts.add(attempts, positives),
+            };
+            let report = ::generator::generate(&config, location, &wanted, rejected_max, &counts.stop, &on_event)?;
             match &report.dataset {
                 Some(Finalized::Incomplete { missing }) => {
                     let text = format!("{} shards are missing, {} the first of them", missing.len(), missing[0]);
@@ -80,14 +53,15 @@ impl Generation {
                 }
                 _ => Ok(()),
             }
-        };
-        Ok(Self { work: Apart::start(threads, move |_| work())?, counts, total })
+        })?;
+        Ok(Self { work, total })
     }
 
     /// The attempts that are there, all attempts of the dataset, and the positive ones of this run.
     #[getter]
     fn counts(&self) -> (u64, u64, u64) {
-        (self.counts.done.load(Ordering::Relaxed), self.total, self.counts.held.load(Ordering::Relaxed))
+        let [done, held] = self.work.counts.told();
+        (done, self.total, held)
     }
 
     /// Whether it ends within a moment.
@@ -97,7 +71,6 @@ impl Generation {
 
     /// Stops it, and waits until the complete shards are committed.
     fn stop(&mut self, py: Python<'_>) {
-        self.counts.stop.store(true, Ordering::Relaxed);
-        self.work.end(py);
+        self.work.stop(py);
     }
 }

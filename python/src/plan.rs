@@ -194,7 +194,7 @@ fn planned(
     }
     let (answer, answers) = channel();
     let answers = Mutex::new(answers);
-    let work = move |tell: &Sender<Result<Step, Failure>>| {
+    let steps = Apart::start(threads, move |tell, _| {
         let will_do = |poses: &[Pose]| {
             let answers = answers.lock().unwrap_or_else(PoisonError::into_inner);
             // Nobody answers after an exception.
@@ -202,8 +202,8 @@ fn planned(
             answers.recv().unwrap_or_else(|_| vec![false; poses.len()])
         };
         plan(&will_do).map(Step::Planned)
-    };
-    Ok(Planned::Planning(Planning { steps: Apart::start(threads, work)?, answer: Some(answer) }))
+    })?;
+    Ok(Planned::Planning(Planning { steps, answer: Some(answer) }))
 }
 
 /// A plan, or one whose caller is asked about its grasps.

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::process;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -42,21 +43,53 @@ pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Sen
     Ok(pool.install(work))
 }
 
-/// What work on threads of its own tells while it runs, and at last what it made.
+/// How far work is, and whether it shall stop.
+#[derive(Debug, Default)]
+pub(crate) struct Counts {
+    pub(crate) stop: AtomicBool,
+    pub(crate) done: AtomicU64,
+    pub(crate) held: AtomicU64,
+}
+
+impl Counts {
+    /// So many more are done, of which so many held.
+    pub(crate) fn add(&self, done: u64, held: u64) {
+        self.done.fetch_add(done, Ordering::Relaxed);
+        self.held.fetch_add(held, Ordering::Relaxed);
+    }
+
+    /// What is done, and what of it held.
+    pub(crate) fn told(&self) -> [u64; 2] {
+        [&self.done, &self.held].map(|count| count.load(Ordering::Relaxed))
+    }
+}
+
+/// What work on threads of its own tells while it runs, and at last what it made. It shall stop when this is dropped.
 #[derive(Debug)]
-pub(crate) struct Apart<T>(Mutex<Receiver<Result<T, Failure>>>);
+pub(crate) struct Apart<T> {
+    told: Mutex<Receiver<Result<T, Failure>>>,
+    pub(crate) counts: Arc<Counts>,
+}
+
+impl<T> Drop for Apart<T> {
+    fn drop(&mut self) {
+        self.counts.stop.store(true, Ordering::Relaxed);
+    }
+}
 
 impl<T: Send + 'static> Apart<T> {
     /// Starts work on threads that no other work waits for: because it waits for Python, or is left alone after Ctrl-C.
     pub(crate) fn start(
         threads: usize,
-        work: impl FnOnce(&Sender<Result<T, Failure>>) -> Result<T, Failure> + Send + 'static,
+        work: impl FnOnce(&Sender<Result<T, Failure>>, &Counts) -> Result<T, Failure> + Send + 'static,
     ) -> PyResult<Self> {
         room(0)?;
         let (tell, told) = channel();
+        let counts = Arc::new(Counts::default());
+        let shared = Arc::clone(&counts);
         let pool = thread_pool(count(threads)).map_err(|failure| raised(&failure))?;
-        pool.spawn(move || _ = tell.send(caught(|| work(&tell)))); // nobody listens after Ctrl-C
-        Ok(Self(Mutex::new(told)))
+        pool.spawn(move || _ = tell.send(caught(|| work(&tell, &shared)))); // nobody listens after Ctrl-C
+        Ok(Self { told: Mutex::new(told), counts })
     }
 
     /// What it tells next, if it does so soon.
@@ -77,12 +110,13 @@ impl<T: Send + 'static> Apart<T> {
         }
     }
 
-    /// Waits until it has ended, whatever signals come.
-    pub(crate) fn end(&self, py: Python<'_>) {
+    /// Stops it, and waits until it has ended, whatever signals come.
+    pub(crate) fn stop(&self, py: Python<'_>) {
+        self.counts.stop.store(true, Ordering::Relaxed);
         detached(py, || self.told().iter().for_each(drop));
     }
 
     fn told(&self) -> MutexGuard<'_, Receiver<Result<T, Failure>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.told.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

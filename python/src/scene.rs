@@ -209,7 +209,7 @@ impl Body {
             let body = body.map_err(|error| refused(error.to_string()))?;
             Ok(Self { body, centre_m: 0.5 * (low + high) })
         };
-        Apart::start(0, move |_| made())?.next(py)
+        Apart::start(0, move |_, _| made())?.next(py)
     }
 
     /// What it is called.
