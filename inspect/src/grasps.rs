@@ -19,12 +19,18 @@ pub use stored::{grasp_sets, read_grasp_set};
 /// What the name of an object's table ends with.
 pub(crate) const TABLE: &str = ".parquet";
 
-/// The bytes of `NAME.parquet`: one row a grasp, with everything that is known of it. `free_on_table` has bit n set if
-/// the hand stays off the table in the n-th stable pose.
+/// The bytes of `NAME.parquet`: [`grasp_columns`].
 ///
 /// # Errors
 /// [`Failure`] if a library fails to write into memory.
 pub fn grasps_table(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
+    plain_table(grasp_columns(set))
+}
+
+/// Everything that is known of the grasps, a row for each. `free_on_table` has bit n set if the hand stays off the table
+/// in the n-th stable pose.
+#[must_use]
+pub fn grasp_columns(set: &ObjectGrasps) -> Vec<(&'static str, PlainColumn)> {
     let grasps = &set.grasps;
     let poses: Vec<&Pose> = grasps.iter().map(|grasp| &grasp.object_from_grasp).collect();
     let real = |value: &dyn Fn(&ObjectGrasp) -> Option<f32>| PlainColumn::Real(grasps.iter().map(value).collect());
@@ -38,7 +44,7 @@ pub fn grasps_table(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
         ("outcome", text(|g| g.outcome.name())),
         ("held", whole(&|g| u64::from(g.outcome.label()))),
     ];
-    let mut columns: Vec<(&str, PlainColumn)> = before.into_iter().chain(pose_columns(&poses)).collect();
+    let mut columns: Vec<(&'static str, PlainColumn)> = before.into_iter().chain(pose_columns(&poses)).collect();
     columns.push(("width_m", real(&|g| g.width_m)));
     for (side, names) in CONTACTS.into_iter().enumerate() {
         for (number, name) in names.into_iter().enumerate() {
@@ -58,7 +64,7 @@ pub fn grasps_table(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
         ("free_on_table", whole(&free_poses)),
         ("free_on_table_share", real(&|g| free_share(g, &set.stable_poses))),
     ]);
-    plain_table(columns)
+    columns
 }
 
 /// Columns of the left finger, then of the right: where it presses, and the object's normal there.

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Any, Callable
+from typing import Callable
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _arrays, _native
 from .grippers import GripperLike
-from .object_grasps import NUMBERS, ObjectGrasps, stable_pose
-from .scene import OUTCOMES, Object, _simulation
-
-#: Sources of grasps, by their numbers.
-SOURCES: tuple[str, ...] = tuple(_native.Annotation.sources())
+from .object_grasps import ObjectGrasps
+from .scene import Object, _simulation
 
 
 def annotate(
@@ -48,6 +44,7 @@ def annotate(
         InputError: If an argument is wrong, or the file cannot be used.
     """
     from .formats import objects
+    from .formats.grasps import parquet
 
     body = (object._body, object.mass_kg, object.friction) if isinstance(object, Object) else None
     path = None if isinstance(object, Object) else os.path.abspath(_arrays.path("object", object))
@@ -67,32 +64,4 @@ def annotate(
         while not work.has_ended():
             if progress is not None:
                 progress(work.made)
-    return _set(work)
-
-
-def _set(work: _native.Annotation) -> ObjectGrasps:
-    info: dict[str, Any] = json.loads(work.info())
-    numbers = work.numbers().astype(np.float64)
-    sources, outcomes = work.words()
-    stable = [stable_pose(one) for one in info["stable_poses"]]
-    weights = np.array([probability for probability, _ in stable])
-    free = work.free_on_table()
-    shares = free @ weights / weights.sum() if weights.sum() > 0 else np.full(len(numbers), np.nan)
-    # In the order of NUMBERS, of which the last are not measured.
-    width, contacts, normals, rest = np.split(numbers, [1, 7, 13], axis=1)
-    measured = dict(zip([name for name, shape in NUMBERS.items() if not shape], (width[:, 0], *rest.T)))
-    return ObjectGrasps(
-        **{key: info["object"][key] for key in ("name", "file", "scale_m")},
-        object_from_grasp=_arrays.matrices(work.poses()),
-        outcome=np.array(OUTCOMES)[outcomes],
-        held=outcomes == OUTCOMES.index("held"),
-        source=np.array(SOURCES)[sources],
-        contacts_m=contacts.reshape(-1, 2, 3),
-        normals=normals.reshape(-1, 2, 3),
-        **measured,
-        on_table_share=shares,
-        is_free_on_table=free,
-        stable_poses=stable,
-        base_to_tips_m=info["base_to_tips_m"],
-        info=info,
-    )
+    return ObjectGrasps(**parquet.of_columns(work.columns(), json.loads(work.info())))

@@ -5,20 +5,19 @@ use std::sync::atomic::Ordering;
 
 use ::generator::catalogue::CatalogueObject;
 use ::generator::{AnnotateParams, Annotated, GraspShares, ImportParams};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::PyReadonlyArray2;
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
-use schema::{GraspSource, GripTest, ObjectGrasp, ObjectGrasps, Vec3};
+use pyo3::types::PyDict;
+use schema::{GripTest, ObjectGrasps, Vec3};
+use shards::PlainColumn;
 
-use crate::fault::{array, raised, reserved, room, wrong};
+use crate::fault::{array, room, wrong};
 use crate::pool::Apart;
-use crate::scene::{Body, Simulation, place, poses, rows};
+use crate::scene::{Body, Simulation, poses};
 
 /// Memory for a grasp and what is known of it, in bytes.
 const GRASP_BYTES: usize = 512;
-/// Numbers of a grasp beside its pose: width, both contacts, both normals, motion while closing and under the test,
-/// smallest friction, strongest pull, share of the repeats.
-const NUMBERS: usize = 20;
 
 /// The annotation of an object, under way.
 #[pyclass(module = "graspmill._native")]
@@ -104,38 +103,20 @@ impl Annotation {
         Ok(inspect::grasps_info(self.done()?).to_string())
     }
 
-    /// The grasps' poses, `[N, 7]`.
-    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        rows(py, self.done()?.grasps.iter().map(|grasp| grasp.object_from_grasp))
-    }
-
-    /// Of each grasp the numbers of its source and its outcome.
-    #[expect(clippy::type_complexity, reason = "two arrays")]
-    fn words<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<u8>>)> {
-        let grasps = &self.done()?.grasps;
-        let sources = grasps.iter().map(|grasp| place(&GraspSource::ALL, &grasp.source) as u8);
-        Ok((array(py, sources.collect())?, array(py, grasps.iter().map(|grasp| grasp.outcome as u8).collect())?))
-    }
-
-    /// Of each grasp [`NUMBERS`] numbers, NaN where one is not known, `[N, 20]`.
-    fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let grasps = &self.done()?.grasps;
-        let mut flat: Vec<f32> = reserved(NUMBERS * grasps.len()).map_err(|failure| raised(&failure))?;
-        grasps.iter().for_each(|grasp| flat.extend(numbers(grasp)));
-        array(py, flat)?.reshape([grasps.len(), NUMBERS])
-    }
-
-    /// Whether the hand stays off the table in each of the stable poses, `[N, K]`.
-    fn free_on_table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
-        let set = self.done()?;
-        let flat: Vec<bool> = set.grasps.iter().flat_map(|grasp| grasp.is_free_on_table.iter().copied()).collect();
-        array(py, flat)?.reshape([set.grasps.len(), set.stable_poses.len()])
-    }
-
-    /// The names of the sources, in the order of their numbers.
-    #[staticmethod]
-    fn sources() -> Vec<&'static str> {
-        GraspSource::ALL.map(GraspSource::name).to_vec()
+    /// The columns of the set's table by their names, NaN where a number is not known.
+    fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let columns = PyDict::new(py);
+        for (name, column) in inspect::grasp_columns(self.done()?) {
+            match column {
+                PlainColumn::Whole(values) => columns.set_item(name, array(py, values)?)?,
+                PlainColumn::Real(values) => {
+                    let values = values.into_iter().map(|value| value.unwrap_or(f32::NAN)).collect();
+                    columns.set_item(name, array(py, values)?)?;
+                }
+                PlainColumn::Text(values) => columns.set_item(name, values)?,
+            }
+        }
+        Ok(columns)
     }
 }
 
@@ -154,23 +135,4 @@ fn of_file(file: Option<(PathBuf, Option<f64>, Option<PathBuf>)>) -> Result<Anno
         (Some(object), 0) => Ok(object),
         (_, more) => Err(refused(format!("the file must have one object, got {}: {}", more + 1, path.display()))),
     }
-}
-
-fn numbers(grasp: &ObjectGrasp) -> impl Iterator<Item = f32> {
-    let or_nan = |value: Option<f32>| value.unwrap_or(f32::NAN);
-    let three = |at: Option<Vec3>| at.map_or([f32::NAN; 3], |at| at.to_array());
-    let two = |motion: Option<(f32, f32)>| motion.map_or([f32::NAN; 2], |(moved_m, turned_rad)| [moved_m, turned_rad]);
-    let [left_m, right_m] = grasp.contacts_m.map(three);
-    let [left, right] = grasp.normals.map(three);
-    let margins = grasp.margins;
-    let last = [
-        margins.and_then(|margins| margins.friction_min),
-        margins.map(|margins| margins.tug_max_g),
-        grasp.robust_share,
-    ];
-    [or_nan(grasp.width_m)]
-        .into_iter()
-        .chain([left_m, right_m, left, right].into_iter().flatten())
-        .chain([two(grasp.closing), two(grasp.test)].into_iter().flatten())
-        .chain(last.map(or_nan))
 }

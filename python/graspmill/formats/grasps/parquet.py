@@ -26,7 +26,12 @@ def read(path: str, _: Hand) -> dict[str, Any]:
     info = _arrays.table("the file", loaded_json(beside))
     with open(path, "rb") as opened:
         rows = module("pyarrow.parquet", "NAME.parquet").read_table(opened)
-    columns = {name: rows[name].to_numpy(zero_copy_only=False) for name in rows.column_names}  # null is NaN
+    # What is null is NaN.
+    return of_columns({name: rows[name].to_numpy(zero_copy_only=False) for name in rows.column_names}, info)
+
+
+def of_columns(columns: dict[str, Any], info: dict[str, Any]) -> dict[str, Any]:
+    """The arguments of an ``ObjectGrasps`` of such a table, and of what is said beside it."""
 
     def column(name: str) -> NDArray[Any]:
         return np.asarray(_arrays.entry(name, columns))
