@@ -1,11 +1,10 @@
 //! The report as a document: what a terminal shows, and what a page shows besides.
 
 use program::Failure;
-use program::text::{bytes, grouped, percent, ratio, setting};
+use program::text::{bytes, grouped, percent, ratio};
 use report::document::{Block, Cell, Document, Table};
 use schema::Outcome;
 use serde_json::Value;
-use settings::flattened;
 use shards::{Dataset, DatasetInfo, Tally};
 
 use crate::pictures::{picture, spread};
@@ -66,7 +65,7 @@ impl Report {
             "Provenance",
             "From meta/info.json, which is shown here, the dataset can be made again, byte for byte.",
         ));
-        page.blocks.push(Block::Table(provenance(dataset)));
+        page.blocks.push(provenance(info));
         Ok(page)
     }
 }
@@ -192,13 +191,9 @@ fn sizes(report: &Report) -> Section {
     ("Size", text, vec![Block::Table(table)])
 }
 
-fn provenance(dataset: &Dataset) -> Table {
+fn provenance(info: &DatasetInfo) -> Block {
     // What is said of frames and units is the same for all; the corners of models are shown by the pictures.
-    let text = dataset.info().to_json();
-    let mut told: serde_json::Map<String, Value> = serde_json::from_str(&text).unwrap_or_default();
+    let mut told: serde_json::Map<String, Value> = serde_json::from_str(&info.to_json()).unwrap_or_default();
     told.retain(|key, _| !["about", "facets", "frames", "units", "models"].contains(&key.as_str()));
-    let row = |key: &str, value: &str| vec![Cell::code(key), Cell::code(value)];
-    let keys = flattened(&told, "", Value::as_object).into_iter();
-    let rows = keys.map(|(key, value)| row(&key, &setting(value)));
-    Table::new(["key", "value"], [row("dataset", dataset.id())].into_iter().chain(rows))
+    Block::Code("json", format!("{:#}", Value::Object(told)))
 }

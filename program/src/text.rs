@@ -2,32 +2,12 @@
 
 use std::error::Error;
 
-use serde_json::Value;
-
 /// `1234567` as `1,234,567`.
 #[must_use]
 pub fn grouped(number: u64) -> String {
     match number / 1000 {
         0 => number.to_string(),
         thousands => format!("{},{:03}", grouped(thousands), number % 1000),
-    }
-}
-
-/// A number from a file as it was meant: `1.2999999523162842`, an `f32` that was widened, as `1.3`.
-#[must_use]
-fn narrowed(value: f64) -> String {
-    let single = value as f32;
-    if f64::from(single) == value { single.to_string() } else { value.to_string() }
-}
-
-/// A stored setting as it was set: words without quotes, numbers `narrowed`.
-#[must_use]
-pub fn setting(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        Value::Number(number) if number.is_f64() => number.as_f64().map_or_else(|| number.to_string(), narrowed),
-        Value::Array(values) => format!("[{}]", values.iter().map(setting).collect::<Vec<_>>().join(", ")),
-        other => other.to_string(),
     }
 }
 
@@ -114,12 +94,6 @@ mod tests {
     fn numbers_read_well() {
         assert_eq!([0, 999, 1_000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
         assert_eq!([12, 2_048, 12_345_678].map(bytes), ["12 B", "2.0 KiB", "11.8 MiB"]);
-        assert_eq!(
-            [1.2999999523162842, 0.30000001192092896, 0.1, 480.0, 1.0].map(narrowed),
-            ["1.3", "0.3", "0.1", "480", "1"]
-        );
-        let stored = serde_json::json!(["stepper", 1.2999999523162842, 4, true, {"a": 0.5}]);
-        assert_eq!(setting(&stored), r#"[stepper, 1.3, 4, true, {"a":0.5}]"#);
         assert_eq!(ratio(10, 30), "1 : 3.00");
         assert_eq!(ratio(0, 40), "0 : 40");
         assert_eq!(bar(0.5, 4), "██");

@@ -6,17 +6,13 @@ use toml::{Table, Value};
 #[must_use]
 pub fn flat(text: &str) -> Vec<(String, String)> {
     let table: Table = text.parse().unwrap_or_default();
-    flattened(&table, "", Value::as_table).into_iter().map(|(key, value)| (key, value.to_string())).collect()
+    flattened(&table, "")
 }
 
-/// The keys and values of a table in any format; `inner` is the table that a value is, if it is one.
-pub fn flattened<'a, V: 'a, T>(table: T, prefix: &str, inner: fn(&'a V) -> Option<T>) -> Vec<(String, &'a V)>
-where
-    T: IntoIterator<Item = (&'a String, &'a V)>,
-{
-    let rows = table.into_iter().flat_map(|(key, value)| match inner(value) {
-        Some(table) => flattened(table, &format!("{prefix}{key}."), inner),
-        None => vec![(format!("{prefix}{key}"), value)],
+fn flattened(table: &Table, prefix: &str) -> Vec<(String, String)> {
+    let rows = table.iter().flat_map(|(key, value)| match value {
+        Value::Table(inner) => flattened(inner, &format!("{prefix}{key}.")),
+        value => vec![(format!("{prefix}{key}"), value.to_string())],
     });
     rows.collect()
 }

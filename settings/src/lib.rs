@@ -17,7 +17,7 @@ mod setting;
 
 pub use document::{Document, faults_of, read_stored, read_text};
 pub use error::Error;
-pub use flat::{flat, flattened};
+pub use flat::flat;
 pub use limits::{Limits, above};
 pub use reader::Reader;
 pub use serde;
