@@ -11,8 +11,6 @@ use super::{Block, Cell, Document, Picture, Table};
 
 /// The longest name that stays in one line, in bytes.
 const SHORT_MAX: usize = 32;
-/// Tiles in a row, at most.
-const TILES_MAX: usize = 6;
 
 /// Everything that all pages have; those of a folder name their style themselves.
 pub(crate) fn whole(title: &str, css: Option<&str>, body: &Markup) -> String {
@@ -62,9 +60,7 @@ impl Block {
             Self::Heading(text) => html! { h2 id={ "s" (at) } { (text) } },
             Self::Text(text) => html! { p { (text) } },
             Self::Tiles(tiles) => html! {
-                div class="tiles" style={ "--columns:" (columns(tiles.len())) } {
-                    @for (value, what) in tiles { div { b { (value) } span { (what) } } }
-                }
+                div.tiles { @for (value, what) in tiles { div { b { (value) } span { (what) } } } }
             },
             Self::Warnings(none) if none.is_empty() => html! { p class="fine" { "Nothing to worry about was found." } },
             Self::Warnings(all) => html! {
@@ -86,11 +82,6 @@ impl Block {
             },
         }
     }
-}
-
-/// Tiles in a row, so that all rows are about as full.
-fn columns(tiles: usize) -> usize {
-    tiles.div_ceil(tiles.div_ceil(TILES_MAX).max(1)).max(1)
 }
 
 /// Choices that the page's scripts act on; nothing without scripts, for then all is shown.
@@ -140,31 +131,17 @@ impl Picture {
 impl Table {
     fn markup(&self) -> Markup {
         html! {
-            div class="wide" {
-                table style={ "--columns:" ((0..self.head.len()).filter(|at| !self.is_below(*at)).count()) } {
+            div.wide {
+                table {
                     thead { tr {
                         @for (at, head) in self.head.iter().enumerate() {
-                            @let number = self.has_numbers(at).then_some("number");
-                            th scope="col" class=[number.or(self.is_below(at).then_some("below"))] { (head) }
+                            th scope="col" class=[self.has_numbers(at).then_some("number")] { (head) }
                         }
                     } }
-                    tbody {
-                        @for row in &self.rows { tr {
-                            @for (at, (cell, head)) in row.iter().zip(&self.head).enumerate() {
-                                (cell.markup(self.is_below(at).then_some(head)))
-                            }
-                        } }
-                    }
+                    tbody { @for row in &self.rows { tr { @for cell in row { (cell.markup()) } } } }
                 }
             }
         }
-    }
-
-    /// Whether a column stands below its row where a page is as narrow as a phone: words, and what is as long.
-    fn is_below(&self, column: usize) -> bool {
-        let cells = || self.rows.iter().filter_map(|row| row.get(column));
-        let is_long = |cell: &Cell| matches!(cell, Cell::Code(text) if text.len() > SHORT_MAX);
-        column > 0 && cells().all(|cell| matches!(cell, Cell::Text(_) | Cell::Note(_)) || is_long(cell))
     }
 
     fn has_numbers(&self, column: usize) -> bool {
@@ -174,17 +151,13 @@ impl Table {
 }
 
 impl Cell {
-    /// `below`: the head of a column that stands below its row on phones.
-    fn markup(&self, below: Option<&String>) -> Markup {
-        let class = below.map(|_| "below");
+    fn markup(&self) -> Markup {
         match self {
-            Self::Text(text) | Self::Note(text) => html! { td class=[class] data-head=[below] { (text) } },
+            Self::Text(text) | Self::Note(text) => html! { td { (text) } },
             // Names stay in one line; hashes, which are longer, may not.
-            Self::Code(text) => html! {
-                td class=[class] data-head=[below] {
-                    code class=[(text.len() <= SHORT_MAX).then_some("short")] { (text) }
-                }
-            },
+            Self::Code(text) => {
+                html! { td { code class=[(text.len() <= SHORT_MAX).then_some("short")] { (text) } } }
+            }
             Self::Outcome(outcome) => html! { td { (swatch(*outcome)) code.short { (outcome.name()) } } },
             Self::Number(text) => html! { td class="number" { (text) } },
             Self::Count(count) => html! { td class="number" { (grouped(*count)) } },
@@ -219,25 +192,6 @@ mod tests {
         let html = page().html();
         assert!(html.contains("<th scope=\"col\" class=\"number\">attempts</th>"), "{html}");
         assert!(html.contains("<td class=\"number\">1,200</td>") && html.contains("width:100.0%"), "{html}");
-    }
-
-    #[test]
-    fn rows_of_tiles_are_full() {
-        assert_eq!([1, 2, 5, 6, 7, 8, 9, 13].map(columns), [1, 2, 5, 6, 4, 4, 5, 5]);
-        assert_eq!(columns(0), 1);
-    }
-
-    #[test]
-    fn words_stand_below_their_row_on_a_phone_and_numbers_in_it() {
-        let row = |hit: &str| vec![Cell::Outcome(Outcome::HitOther), Cell::Count(9), hit.into(), Cell::note("why")];
-        let table = Table::new(["outcome", "attempts", "hit", "meaning"], [row("other 9"), row("")]);
-        let html = table.markup().into_string();
-        assert!(
-            html.contains("style=\"--columns:2\"") && html.contains("<th scope=\"col\" class=\"below\">hit</th>"),
-            "{html}"
-        );
-        assert!(html.contains("<td class=\"below\" data-head=\"hit\"></td>"), "an empty cell takes no place: {html}");
-        assert!(html.contains("<td><i class=\"swatch hit_other\"></i><code class=\"short\">hit_other</code></td>"));
     }
 
     #[test]

@@ -22,18 +22,10 @@ impl Document {
         self.joined(title, Block::text)
     }
 
-    /// The title and what the blocks become, without blocks that become nothing and without headings of nothing.
+    /// The title and what the blocks become, without blocks that become nothing.
     fn joined(&self, title: Option<String>, plain: impl Fn(&Block) -> String) -> String {
-        let mut kept: Vec<String> = Vec::new();
-        let mut has_content = false;
-        for block in self.blocks.iter().rev() {
-            let (text, is_heading) = (plain(block), matches!(block, Block::Heading(_)));
-            if !text.is_empty() && (has_content || !is_heading) {
-                kept.push(text);
-                has_content = !is_heading;
-            }
-        }
-        title.into_iter().chain(kept.into_iter().rev()).collect::<Vec<_>>().join("\n")
+        let blocks = self.blocks.iter().map(plain).filter(|text| !text.is_empty());
+        title.into_iter().chain(blocks).collect::<Vec<_>>().join("\n")
     }
 }
 
@@ -168,21 +160,5 @@ mod tests {
                         long name  1,200   50 %  ████████████\n\
                         d              7    0 %\n";
         assert_eq!(document.text(), expected);
-    }
-
-    #[test]
-    fn a_heading_of_what_only_pages_show_is_left_out() {
-        let heading = |text: &str| Block::Heading(text.to_owned());
-        let blocks = vec![
-            heading("Empty"),
-            Block::Gallery(Vec::new()),
-            heading("Kept"),
-            Block::Text("Words.".to_owned()),
-            heading("Last"),
-            Block::Legend(Vec::new()),
-        ];
-        let document = Document { blocks, ..Document::default() };
-        assert_eq!(document.markdown(), "## Kept\n\nWords.\n");
-        assert_eq!(document.text(), "Kept\n\nWords.\n");
     }
 }
