@@ -8,6 +8,7 @@ use std::path::Path;
 use program::text::grouped;
 use program::{Context, ExitCode, Failure};
 use report::document::{Block, Document, Picture};
+use report::view::View;
 use report::view::folder::{
     Facet, INDEX, LISTING, ListedAttempt, ListedScene, Listing, Place, REPORT, Shelf, is_page, scene_file, shared_files,
 };
@@ -27,7 +28,7 @@ const ANGLE_DEG: f32 = 30.0;
 const ANGLES: [&str; 6] = ["0 to 30°", "30 to 60°", "60 to 90°", "90 to 120°", "120 to 150°", "150 to 180°"];
 
 /// Makes the folder, or empties one that has such pages.
-pub(crate) fn begin(folder: &Path) -> Result<(), Failure> {
+fn begin(folder: &Path) -> Result<(), Failure> {
     let failed = || format!("failed to write {}", folder.display());
     std::fs::create_dir_all(folder).context(failed())?;
     let entries = std::fs::read_dir(folder).context(failed())?;
@@ -52,47 +53,28 @@ pub(crate) fn begin(folder: &Path) -> Result<(), Failure> {
 /// # Errors
 /// If the folder has files of others, a scene cannot be read, or a file not written.
 pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path, has_replays: bool) -> Result<Replays, Failure> {
-    begin(folder)?;
+    let files = scenes.iter().map(|scene| scene_file(*scene)).collect();
+    let mut lists = Lists::begin(folder, Shelf::Scenes, &FACETS, files)?;
     let mut done = Replays::default();
     let info = dataset.info();
-    let (mut listing, mut pictures, mut attempts) = (Lists::new(&FACETS), Vec::new(), 0);
-    let mut neighbours = scenes.iter().map(|scene| scene_file(*scene)).collect::<Vec<_>>().into_iter().peekable();
-    let mut previous = None;
+    let (mut pictures, mut attempts) = (Vec::new(), 0);
     for of_shard in scenes.chunk_by(|a, b| info.shard_of(*a) == info.shard_of(*b)) {
         let shard = info.shard_of(of_shard[0]).unwrap_or_default();
         for rows in dataset.some_scenes(shard, of_shard.to_vec())? {
             let rows = rows?;
             let view = scene_view(info, dataset.id(), &rows);
-            let own = neighbours.next();
             let replays = done.kept(|| if has_replays { of_scene(dataset, &rows, &view) } else { Ok(Vec::new()) });
-            let place = Place {
-                shelf: Shelf::Scenes,
-                previous: std::mem::replace(&mut previous, own),
-                next: neighbours.peek().cloned(),
-                attempts: rows.attempts.iter().map(listed).collect(),
-                replays: rows.attempts.iter().map(|attempt| attempt.attempt_id).zip(replays).collect(),
-            };
-            write(folder, &scene_file(rows.scene.scene_id), &view.page_in(&place))?;
+            let listed = rows.attempts.iter().map(|attempt| (listed(attempt), values(&rows, attempt))).collect();
+            let id = rows.scene.scene_id;
+            lists.add(id, format!("scene {id}"), &view, listed, replays)?;
             pictures.push(picture(info, &rows, attempts < PICTURED_ATTEMPTS_MAX, true));
             attempts += rows.attempts.len();
-            let id = rows.scene.scene_id;
-            let listed = rows.attempts.iter().map(|attempt| (attempt.attempt_id, values(&rows, attempt)));
-            listing.add(id, format!("scene {id}"), scene_file(id), listed);
         }
     }
     write(folder, REPORT, &report(dataset)?.page(dataset, Some(scenes))?.html())?;
-    let facets = finish(folder, listing.finished(Shelf::Scenes))?;
+    let facets = lists.finish()?;
     write(folder, INDEX, &index(dataset, facets, pictures, attempts).html())?;
     Ok(done)
-}
-
-/// Writes what the pages share, and gives what can be chosen by.
-pub(crate) fn finish(folder: &Path, listing: Listing) -> Result<Vec<Facet>, Failure> {
-    for (name, text) in shared_files() {
-        write(folder, name, &text)?;
-    }
-    write(folder, LISTING, &listing.script())?;
-    Ok(listing.facets)
 }
 
 /// The page of all scenes.
@@ -146,41 +128,73 @@ fn values(scene: &SceneRows, attempt: &AttemptRecord) -> [String; FACETS.len()] 
     ]
 }
 
-/// The attempts by their properties while scenes, or objects, are added; choices are those that were met, in order.
-pub(crate) struct Lists {
+/// The pages of a folder while they are written, and the attempts on them by their properties; choices are those that
+/// were met, in order.
+pub(crate) struct Lists<'a> {
+    folder: &'a Path,
+    shelf: Shelf,
     facets: &'static [(&'static str, &'static [&'static str])],
+    files: Vec<String>,
     choices: Vec<Vec<String>>,
     scenes: Vec<ListedScene>,
 }
 
-impl Lists {
-    /// Nothing yet.
-    pub(crate) fn new(facets: &'static [(&'static str, &'static [&'static str])]) -> Self {
-        Self { facets, choices: vec![Vec::new(); facets.len()], scenes: Vec::new() }
+impl<'a> Lists<'a> {
+    /// Makes or empties the folder of the pages with these names.
+    pub(crate) fn begin(
+        folder: &'a Path,
+        shelf: Shelf,
+        facets: &'static [(&'static str, &'static [&'static str])],
+        files: Vec<String>,
+    ) -> Result<Self, Failure> {
+        begin(folder)?;
+        Ok(Self { folder, shelf, facets, files, choices: vec![Vec::new(); facets.len()], scenes: Vec::new() })
     }
 
-    /// Adds a scene with its page and, of each attempt, its number and a value for each facet.
+    /// Writes the next page: a scene with its attempts, of each a value for each facet, and their replays.
     pub(crate) fn add<const N: usize>(
         &mut self,
         id: u64,
         name: String,
-        file: String,
-        attempts: impl Iterator<Item = (u32, [String; N])>,
-    ) {
-        let mut place = |(choices, value): (&mut Vec<String>, String)| {
-            let found = choices.iter().position(|choice| *choice == value);
-            found.unwrap_or_else(|| (choices.push(value), choices.len() - 1).1) as u32
+        view: &View,
+        attempts: Vec<(ListedAttempt, [String; N])>,
+        replays: Vec<String>,
+    ) -> Result<(), Failure> {
+        let mut place = |(choices, value): (&mut Vec<String>, &String)| {
+            let found = choices.iter().position(|choice| choice == value);
+            found.unwrap_or_else(|| (choices.push(value.clone()), choices.len() - 1).1) as u32
         };
-        let mut row = |(number, values): (u32, [String; N])| {
-            let places = self.choices.iter_mut().zip(values).map(&mut place);
-            [number].into_iter().chain(places).collect()
+        let mut row = |(attempt, values): &(ListedAttempt, [String; N])| {
+            [attempt.attempt].into_iter().chain(self.choices.iter_mut().zip(values).map(&mut place)).collect()
         };
-        let attempts = attempts.map(&mut row).collect();
-        self.scenes.push(ListedScene { id, name, file, attempts });
+        let rows: Vec<Vec<u32>> = attempts.iter().map(&mut row).collect();
+        let attempts: Vec<ListedAttempt> = attempts.into_iter().map(|(attempt, _)| attempt).collect();
+        let (at, file) = (self.scenes.len(), self.files[self.scenes.len()].clone());
+        let place = Place {
+            shelf: self.shelf,
+            previous: at.checked_sub(1).map(|at| self.files[at].clone()),
+            next: self.files.get(at + 1).cloned(),
+            replays: attempts.iter().map(|attempt| attempt.attempt).zip(replays).collect(),
+            attempts,
+        };
+        write(self.folder, &file, &view.page_in(&place))?;
+        self.scenes.push(ListedScene { id, name, file, attempts: rows });
+        Ok(())
+    }
+
+    /// Writes what the pages share, and gives what can be chosen by.
+    pub(crate) fn finish(self) -> Result<Vec<Facet>, Failure> {
+        let folder = self.folder;
+        for (name, text) in shared_files() {
+            write(folder, name, &text)?;
+        }
+        let listing = self.listing();
+        write(folder, LISTING, &listing.script())?;
+        Ok(listing.facets)
     }
 
     /// The listing, its choices in the order in which people read them, without what nothing is known of.
-    pub(crate) fn finished(mut self, shelf: Shelf) -> Listing {
+    fn listing(mut self) -> Listing {
         let mut facets = Vec::new();
         for (at, ((name, order), met)) in self.facets.iter().zip(&self.choices).enumerate().rev() {
             let rows = self.scenes.iter_mut().flat_map(|scene| &mut scene.attempts);
@@ -201,7 +215,7 @@ impl Lists {
             facets.push(Facet { name: (*name).to_owned(), choices });
         }
         facets.reverse();
-        Listing { shelf, facets, scenes: self.scenes }
+        Listing { shelf: self.shelf, facets, scenes: self.scenes }
     }
 }
 
@@ -223,12 +237,14 @@ mod tests {
         let mut info = synthetic::info(5, 1, 60, 20);
         info.grid.resolution = 16;
         let scenes: Vec<SceneRows> = (0..3).map(|scene| synthetic::scene_rows(scene, info.seed, &info)).collect();
-        let mut listing = Lists::new(&FACETS);
+        let place = tempfile::tempdir().unwrap();
+        let files = ["a", "b", "c"].map(str::to_owned).to_vec();
+        let mut lists = Lists::begin(place.path(), Shelf::Scenes, &FACETS, files).unwrap();
         for scene in &scenes {
-            let rows = scene.attempts.iter().map(|attempt| (attempt.attempt_id, values(scene, attempt)));
-            listing.add(scene.scene.scene_id, String::new(), String::new(), rows);
+            let rows = scene.attempts.iter().map(|attempt| (listed(attempt), values(scene, attempt))).collect();
+            lists.add(scene.scene.scene_id, String::new(), &View::new(""), rows, Vec::new()).unwrap();
         }
-        let listing = listing.finished(Shelf::Scenes);
+        let listing = lists.listing();
         let names: Vec<&str> = listing.facets.iter().map(|facet| facet.name.as_str()).collect();
         assert_eq!(names, FACETS.map(|(name, _)| name));
         for (scene, listed) in scenes.iter().zip(&listing.scenes) {

@@ -7,13 +7,13 @@ use program::Failure;
 use program::text::{grouped, percent};
 use report::document::{Block, Document, Picture};
 use report::picture::{Hand, Scene, svg};
-use report::view::folder::{INDEX, ListedAttempt, Place, Shelf, object_file};
+use report::view::folder::{INDEX, ListedAttempt, Shelf, object_file};
 use report::view::{Body, Class, Line, Measure, View};
-use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
+use schema::{Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
 
 use super::stored::read_grasp_set;
 use super::{free_share, grasp_sets};
-use crate::browse::{Lists, UNKNOWN, begin, finish, write};
+use crate::browse::{Lists, UNKNOWN, write};
 use crate::pictures::spread;
 use crate::replay::{Replays, of_object};
 
@@ -45,32 +45,27 @@ fn values(grasp: &ObjectGrasp) -> [String; FACETS.len()] {
 /// # Errors
 /// If `out` has files of others, a set cannot be read, or a file not written.
 pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: bool) -> Result<Replays, Failure> {
-    begin(out)?;
+    let files = names.iter().map(|name| object_file(name)).collect();
+    let mut lists = Lists::begin(out, Shelf::Objects, &FACETS, files)?;
     let mut done = Replays::default();
     let [most, least] = SHOWN;
     let count = (SHOWN_OF_ALL / names.len().max(1)).clamp(least, most);
-    let (mut listing, mut pictures, mut shown, mut all) = (Lists::new(&FACETS), Vec::new(), 0, 0);
-    let page = |at: Option<usize>| at.and_then(|at| names.get(at)).map(|name| object_file(name));
+    let (mut pictures, mut shown, mut all) = (Vec::new(), 0, 0);
     for (at, name) in names.iter().enumerate() {
         let set = read_grasp_set(folder, name)?;
         let numbers = spread(&(0..set.grasps.len() as u64).collect::<Vec<_>>(), count);
         let view = grasps_view(&set, &numbers);
         let replays = done.kept(|| if has_replays { of_object(&set, &numbers, &view) } else { Ok(Vec::new()) });
-        let ids = || numbers.iter().map(|number| *number as u32);
-        let listed = |number: u32| (number, values(&set.grasps[number as usize]));
-        let place = Place {
-            shelf: Shelf::Objects,
-            previous: page(at.checked_sub(1)),
-            next: page(Some(at + 1)),
-            attempts: ids().map(|number| listed_attempt(&set, number)).collect(),
-            replays: ids().zip(replays).collect(),
+        let listed = |number: &u64| {
+            let grasp = &set.grasps[*number as usize];
+            let (id, words) = (number.to_string(), words(&set, grasp));
+            (ListedAttempt { attempt: *number as u32, id, outcome: grasp.outcome, words }, values(grasp))
         };
-        write(out, &object_file(name), &view.page_in(&place))?;
+        lists.add(at as u64, name.clone(), &view, numbers.iter().map(listed).collect(), replays)?;
         pictures.push(picture(&set, name));
-        listing.add(at as u64, name.clone(), object_file(name), ids().map(listed));
         (shown, all) = (shown + numbers.len(), all + set.grasps.len());
     }
-    let facets = finish(out, listing.finished(Shelf::Objects))?;
+    let facets = lists.finish()?;
     let objects = grasp_sets(folder)?.len();
     let text = format!(
         "{} of {objects} objects, with {} of {} grasps. A picture has up to {PICTURED} grasps that held, and leads to its \
@@ -91,21 +86,6 @@ fn picture(set: &ObjectGrasps, name: &str) -> Picture {
     let (held, all) = (set.count(Outcome::Held) as u64, set.grasps.len() as u64);
     let caption = format!("{} of {} grasps held", grouped(held), grouped(all));
     Picture { svg: grasps_svg(set), title: name.to_owned(), caption, link: Some(object_file(name)) }
-}
-
-fn listed_attempt(set: &ObjectGrasps, number: u32) -> ListedAttempt {
-    let grasp = &set.grasps[number as usize];
-    let mut words = grasp.source.name().to_owned();
-    if let Some(width_m) = grasp.width_m {
-        words += &format!(", {:.1} mm", width_m * 1000.0);
-    }
-    if let Some(margins) = grasp.margins {
-        words += &format!(", up to {:.1} g", margins.tug_max_g);
-    }
-    if let Some(share) = grasp.robust_share {
-        words += &format!(", {} of repeats", percent(f64::from(share)));
-    }
-    ListedAttempt { attempt: number, id: number.to_string(), outcome: grasp.outcome, words }
 }
 
 /// An object with some of its grasps as forks, those that held last. A fork says what is known of its grasp, and can
@@ -161,26 +141,26 @@ fn measure(name: &str, is_ratio: bool, values: Vec<Option<f32>>) -> Option<Measu
     Some(Measure { name: name.to_owned(), range, is_ratio, values })
 }
 
-/// A grasp in words.
+/// A grasp's name and outcome, and what is known of it.
 fn label(set: &ObjectGrasps, number: u64, grasp: &ObjectGrasp) -> String {
-    let mut text = format!("{}/{number}: {}\n{}", set.name, grasp.source.name(), grasp.outcome.name());
-    if let Some(width_m) = grasp.width_m {
-        text += &format!(", {:.1} mm", width_m * 1000.0);
-    }
-    if let Some(margins) = grasp.margins {
-        let tug_g = margins.tug_max_g;
-        text += &match margins.friction_min {
-            Some(friction) => format!("\nholds with a friction from {friction:.2} on, and up to {tug_g:.1} g"),
-            None => format!("\nslips or turns in some direction above {tug_g:.2} g, less than its weight"),
-        };
-    }
-    if let Some(share) = grasp.robust_share {
-        text += &format!("\n{} of moved repeats", percent(f64::from(share)));
-    }
-    if let Some(share) = free_share(grasp, &set.stable_poses) {
-        text += &format!("\nfree on a table in {}", percent(f64::from(share)));
-    }
-    text
+    format!("{}/{number}: {}\n{}", set.name, grasp.outcome.name(), words(set, grasp))
+}
+
+/// How a grasp was drawn, and what was measured.
+fn words(set: &ObjectGrasps, grasp: &ObjectGrasp) -> String {
+    let share = |of: Option<f32>, what: &str| of.map(|of| format!("{} {what}", percent(f64::from(of))));
+    let margins = grasp.margins.map(|Margins { friction_min, tug_max_g }| match friction_min {
+        Some(friction) => format!("holds with a friction from {friction:.2} on, and up to {tug_max_g:.1} g"),
+        None => format!("slips or turns in some direction above {tug_max_g:.2} g, less than its weight"),
+    });
+    let known = [
+        Some(grasp.source.name().to_owned()),
+        grasp.width_m.map(|width_m| format!("{:.1} mm", width_m * 1000.0)),
+        margins,
+        share(grasp.robust_share, "of moved repeats"),
+        share(free_share(grasp, &set.stable_poses), "of the ways to lie leave it free"),
+    ];
+    known.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 /// A picture (SVG) of an object with some grasps that held.
