@@ -1,7 +1,7 @@
 //! Replays to look at: attempts of a scene, and grasps of an object alone, executed again.
 
 use generator::recorder::{self, HAND, Recording, describe_end};
-use generator::{AttemptId, GraspReplay, Replay, physics_of};
+use generator::{AttemptId, GraspReplay, Replay};
 use program::Failure;
 use report::view::{Body, Class, Event, EventKind, Frame, Line, View, flat, flat_points};
 use schema::{Axis, Gripper, Lattice, ObjectGrasps, Pose, SceneRows};
@@ -14,15 +14,15 @@ use shards::Dataset;
 pub fn replayed(dataset: &Dataset, id: AttemptId) -> Result<(Replay, View), Failure> {
     let rows = dataset.read_scene(id.scene_id)?;
     let replay = generator::replay(dataset.info(), &rows, id.attempt_id)?;
-    let view = attempt_view(dataset, &rows, &replay)?;
+    let view = attempt_view(dataset, &rows, &replay);
     Ok((replay, view))
 }
 
 /// The replays of all attempts of a scene for its page in a folder ([`View::packed`]; `scene` is the page's view), each
 /// with whether it ends as stored.
 pub(crate) fn of_scene(dataset: &Dataset, rows: &SceneRows, scene: &View) -> Result<Vec<(String, bool)>, Failure> {
-    let packed = |replay: Replay| Ok((attempt_view(dataset, rows, &replay)?.packed(scene), replay.is_reproduced()));
-    generator::replays(dataset.info(), rows, &rows.attempts, packed)?.into_iter().collect()
+    let packed = |replay: Replay| (attempt_view(dataset, rows, &replay).packed(scene), replay.is_reproduced());
+    generator::replays(dataset.info(), rows, &rows.attempts, packed)
 }
 
 /// As [`of_scene`], of some grasps of a set for the page of their object.
@@ -33,7 +33,7 @@ pub(crate) fn of_object(set: &ObjectGrasps, numbers: &[u64], object: &View) -> R
     })
 }
 
-fn attempt_view(dataset: &Dataset, rows: &SceneRows, replay: &Replay) -> Result<View, Failure> {
+fn attempt_view(dataset: &Dataset, rows: &SceneRows, replay: &Replay) -> View {
     let Replay { recording, stored, now } = replay;
     let (info, ending) = (dataset.info(), describe_end(now));
     let mut view = View::new(format!("{}/{}: {ending}", stored.scene_id, stored.attempt_id));
@@ -52,7 +52,6 @@ fn attempt_view(dataset: &Dataset, rows: &SceneRows, replay: &Replay) -> Result<
     add(&mut view, recording, info.hand_of(stored.scene_id), &stored.workspace_from_grasp);
     view.lines.push(Line::workspace(Lattice::from(info.grid).corners_m()));
 
-    let physics = physics_of(&info.config)?;
     let degrees = |angle_rad: f32| format!("{:.2}°", angle_rad.to_degrees());
     let mm = |length_m: f32| format!("{:.2} mm", length_m * 1000.0);
     view.fact("dataset", dataset.id().get(..12).unwrap_or_default());
@@ -64,9 +63,7 @@ fn attempt_view(dataset: &Dataset, rows: &SceneRows, replay: &Replay) -> Result<
     view.fact("stored", replay.stored_ending());
     view.fact("now", ending);
     view.fact("reproduced", if replay.is_reproduced() { "yes, to the bit" } else { "NO" });
-    view.fact("steps simulated", format!("{}, {} a second", now.steps, physics.step_rate_hz));
-    view.fact("shortcuts", if physics.shortcuts { "on, as in the dataset" } else { "off, as in the dataset" });
-    Ok(view)
+    view
 }
 
 fn grasp_view(set: &ObjectGrasps, replay: GraspReplay) -> View {

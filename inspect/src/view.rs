@@ -65,8 +65,7 @@ fn surface(info: &DatasetInfo, rows: &SceneRows) -> Line {
 
 fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) {
     let scene = &rows.scene;
-    let held = rows.attempts.iter().filter(|a| a.label() == 1).count();
-    view.fact("dataset", short(dataset_id));
+    view.fact("dataset", dataset_id.get(..12).unwrap_or(dataset_id));
     view.fact("seed", info.seed.to_string());
     view.fact("shard", info.shard_of(scene.scene_id).unwrap_or_default().to_string());
     view.fact("objects", format!("{} of {} dropped", scene.object_count, scene.dropped_count));
@@ -74,19 +73,12 @@ fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows
     if let Some(container) = scene.container {
         view.fact("container", container.kind.name());
     }
-    view.fact("views", scene.views.len().to_string());
-    view.fact("attempts that held", format!("{held} of {}", scene.attempt_count));
-    for outcome in Outcome::ALL.into_iter().filter(|outcome| *outcome != Outcome::Held) {
+    for outcome in Outcome::ALL {
         let count = rows.attempts.iter().filter(|a| a.outcome == outcome).count();
         view.fact(outcome.name(), count.to_string());
     }
     let hand = info.hand_of(scene.scene_id);
     view.fact("hand", format!("{}, opens {:.0} mm", hand.name, hand.opening_m_max * 1000.0));
-}
-
-/// The first digits of a dataset's id.
-fn short(dataset_id: &str) -> &str {
-    dataset_id.get(..12).unwrap_or(dataset_id)
 }
 
 #[cfg(test)]

@@ -121,7 +121,7 @@ fn grasps_view(set: &ObjectGrasps, numbers: &[u64]) -> View {
     view.fact("mass", format!("{:.0} g", set.mass_kg * 1000.0));
     view.fact("friction", format!("{:.2}", set.friction));
     view.fact("shown", format!("{} of {}", numbers.len(), grouped(set.grasps.len() as u64)));
-    for outcome in Outcome::ALL.into_iter().filter(|outcome| *outcome != Outcome::HitOther) {
+    for outcome in Outcome::ALL {
         view.fact(outcome.name(), grouped(set.count(outcome) as u64));
     }
     if let Some(coverage) = set.coverage {
