@@ -10,7 +10,7 @@ use generator::{Config, Event, Overrides, REJECTED_SHARE_MAX, attempts_of, gener
 use indicatif::ProgressBar;
 use program::text::key_and_value;
 use program::{Context, ExitCode, Failure, print, print_error, start_threads, stop_on_signals};
-use shards::{DatasetInfo, Finalized, Location};
+use shards::{Finalized, Location};
 
 use crate::assignment::{Task, assigned, index_list, shard_indices, task};
 use crate::parse::LocationParser;
@@ -95,10 +95,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
 
     let (info, out) = (config.dataset_info(), &arguments.out);
-    let progress = Progress::new(&info, &wanted);
+    let bar = ProgressBar::new(wanted.iter().map(|shard| attempts_of(&info, *shard)).sum());
+    let (bar, held) = (bar.with_style(style("attempts · {per_sec:1}")), AtomicU64::new(0));
+    let on_event = |event: Event| match event {
+        Event::Skipped { attempts } => bar.dec_length(attempts),
+        Event::Scene { attempts, positives } => {
+            bar.inc(attempts);
+            let held = held.fetch_add(positives, Ordering::Relaxed) + positives;
+            bar.set_message(format!("{:.1} % positive", 100.0 * held as f64 / bar.position() as f64));
+        }
+    };
     let started = Instant::now();
-    let report = generate(&config, out, &wanted, arguments.rejected_max, &stop, &|event| progress.show(event))?;
-    progress.bar.finish_and_clear();
+    let report = generate(&config, out, &wanted, arguments.rejected_max, &stop, &on_event)?;
+    bar.finish_and_clear();
     print(table::render(&report, out, started.elapsed().as_secs_f64()))?;
     Ok(match report.dataset {
         _ if report.stopped.is_some() => ExitCode::TryAgain,
@@ -119,27 +128,3 @@ GRASPMILL_LOG=info shows which shards are skipped and committed.";
 const ENVIRONMENT: &str = "\
 Without --shard-index and --task, the index comes from SHARD_INDEX, SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX or \
 AWS_BATCH_JOB_ARRAY_INDEX, the first that is set. (--task 0/1 makes all shards wherever it runs.)";
-
-/// The bar, and what it says beside it.
-struct Progress {
-    bar: ProgressBar,
-    held: AtomicU64,
-}
-
-impl Progress {
-    fn new(info: &DatasetInfo, wanted: &[u32]) -> Self {
-        let bar = ProgressBar::new(wanted.iter().map(|shard| attempts_of(info, *shard)).sum());
-        Self { bar: bar.with_style(style("attempts · {per_sec:1}")), held: AtomicU64::new(0) }
-    }
-
-    fn show(&self, event: Event) {
-        match event {
-            Event::Skipped { attempts } => self.bar.dec_length(attempts),
-            Event::Scene { attempts, positives } => {
-                self.bar.inc(attempts);
-                let held = self.held.fetch_add(positives, Ordering::Relaxed) + positives;
-                self.bar.set_message(format!("{:.1} % positive", 100.0 * held as f64 / self.bar.position() as f64));
-            }
-        }
-    }
-}

@@ -14,7 +14,8 @@ use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict};
 use schema::{
-    AttemptRecord, CameraParams, DepthImage, HitKind, Intrinsics, Polyhedron, Pose, SceneRows, SettleParams, samples_of,
+    AttemptRecord, CameraParams, DepthImage, HitKind, Intrinsics, Outcome, Polyhedron, Pose, SceneRows, SettleParams,
+    samples_of,
 };
 use shards::{Location, Table};
 use simulator::Body;
@@ -29,7 +30,7 @@ use trainer::voxel::Voxel;
 use crate::crops::Crops;
 use crate::fault::{array, free, raised, reserved, wrong};
 use crate::pool::on_threads;
-use crate::scene::{Scene, Simulation, names, place, rows};
+use crate::scene::{Scene, Simulation, place, rows};
 
 /// A convex polyhedron: corners in metres, and the faces' corners by number, counter-clockwise seen from outside.
 type Hull = (Vec<[f32; 3]>, Vec<Vec<usize>>);
@@ -346,7 +347,7 @@ impl Dataset {
     /// The names of outcomes and of what may be hit, in the order of their numbers.
     #[staticmethod]
     fn names() -> (Vec<&'static str>, Vec<&'static str>) {
-        names()
+        (Outcome::ALL.map(Outcome::name).to_vec(), HitKind::ALL.map(HitKind::name).to_vec())
     }
 }
 

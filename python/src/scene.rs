@@ -6,9 +6,11 @@ use perception::fuse_images;
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use rayon::prelude::*;
+/// The seven numbers of a pose.
+pub(crate) use report::view::flat as seven;
 use schema::{
-    Camera, Container, ContainerKind, DepthImage, Grid, Gripper, HitKind, Intrinsics, Model, ModelPart, Outcome,
-    Physics, Polyhedron, Pose, Procedure, Quat, SettleParams, ShapeKind, Solid, Vec3,
+    Camera, Container, ContainerKind, DepthImage, Grid, Gripper, HitKind, Intrinsics, Model, ModelPart, Physics,
+    Polyhedron, Pose, Procedure, Quat, SettleParams, ShapeKind, Solid, Vec3,
 };
 use serde_json::json;
 use simulator::{
@@ -36,12 +38,6 @@ pub(crate) fn pose([x, y, z, qx, qy, qz, qw]: Seven) -> Pose {
     let rotation = Quat::from_xyzw(qx, qy, qz, qw);
     let is_unit = (rotation.length_squared() - 1.0).abs() < 1e-5;
     Pose::from_parts(Vec3::new(x, y, z), if is_unit { rotation } else { rotation.normalize() })
-}
-
-/// The seven numbers of a pose.
-pub(crate) fn seven(pose: &Pose) -> Seven {
-    let ([x, y, z], [qx, qy, qz, qw]) = (pose.translation.to_array(), pose.rotation.to_array());
-    [x, y, z, qx, qy, qz, qw]
 }
 
 /// Rows of poses.
@@ -397,7 +393,7 @@ pub(crate) fn image(depth_m: &PyReadonlyArray2<'_, f32>) -> DepthImage {
     DepthImage { width_px, height_px, depth_m: depth_m.iter().copied().collect() }
 }
 
-/// Outcomes as numbers of [`Outcome::ALL`], openings (NaN where the fingers never closed), what was hit (-1 for
+/// Outcomes as numbers of [`schema::Outcome::ALL`], openings (NaN where the fingers never closed), what was hit (-1 for
 /// nothing, else the number in [`HitKind::ALL`]), which object (-1 for none), and the targets.
 type Executed<'py> = (
     Bound<'py, PyArray1<u8>>,
@@ -461,9 +457,4 @@ pub(crate) fn execute<'py>(
 /// The place of a word among all.
 pub(crate) fn place<T: PartialEq>(all: &[T], one: &T) -> usize {
     all.iter().position(|other| other == one).unwrap_or(0)
-}
-
-/// The names of outcomes and of what may be hit, in the order of their numbers.
-pub(crate) fn names() -> (Vec<&'static str>, Vec<&'static str>) {
-    (Outcome::ALL.map(Outcome::name).to_vec(), HitKind::ALL.map(HitKind::name).to_vec())
 }

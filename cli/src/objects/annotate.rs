@@ -259,36 +259,24 @@ fn earlier(path: &Path, digest: &str) -> Result<Option<Value>, Failure> {
 }
 
 fn document(infos: &[Value], left_out: &[LeftOut], out: &Path) -> Document {
-    let count = |info: &Value, outcome: &str| info["outcomes"][outcome].as_u64().unwrap_or(0);
+    let number = |info: &Value, at: &str| info.pointer(at).and_then(Value::as_u64).unwrap_or(0);
+    let name = |info: &Value| info["object"]["name"].as_str().unwrap_or_default().to_owned();
+    let head = ["object", "grasps", "held", "slipped", "empty", "collisions", "covered", "stable poses"];
     let row = |info: &Value| {
-        let collisions = count(info, "pregrasp_collision") + count(info, "approach_collision");
+        let of = |outcome: &str| number(info, &format!("/outcomes/{outcome}"));
+        let collisions = of("pregrasp_collision") + of("approach_collision");
+        let counts = [number(info, "/grasps"), of("held"), of("slipped"), of("empty"), collisions].map(Cell::Count);
         let coverage = info["coverage"].as_f64().map_or("-".to_owned(), percent);
         let poses = info["stable_poses"].as_array().map_or(0, Vec::len);
-        vec![
-            Cell::from(info["object"]["name"].as_str().unwrap_or_default()),
-            Cell::Count(info["object"]["parts_m"].as_array().map_or(0, Vec::len) as u64),
-            Cell::Count(info["grasps"].as_u64().unwrap_or(0)),
-            Cell::Count(count(info, "held")),
-            Cell::Count(count(info, "slipped")),
-            Cell::Count(count(info, "empty")),
-            Cell::Count(collisions),
-            Cell::Number(coverage),
-            Cell::Count(poses as u64),
-        ]
+        let last = [Cell::Number(coverage), Cell::Count(poses as u64)];
+        [Cell::from(name(info))].into_iter().chain(counts).chain(last).collect()
     };
-    let head = ["object", "parts", "grasps", "held", "slipped", "empty", "collisions", "covered", "stable poses"];
-    let few = infos.iter().filter(|info| info["grasps"].as_u64() < info["settings"]["params"]["grasps"].as_u64());
-    let few = few.map(|info| {
-        let [name, wanted] = [&info["object"]["name"], &info["settings"]["params"]["grasps"]];
-        let name = name.as_str().unwrap_or_default();
-        format!(
-            "{name}: {} grasps instead of {wanted}: the hand finds no more between two of its sides",
-            info["grasps"]
-        )
+    let few = infos.iter().filter_map(|info| {
+        let [made, wanted] = ["/grasps", "/settings/params/grasps"].map(|at| number(info, at));
+        let why = "the hand finds no more between two of its sides";
+        (made < wanted).then(|| format!("{}: {made} grasps instead of {wanted}: {why}", name(info)))
     });
-    let (grasps, held): (u64, u64) = infos
-        .iter()
-        .fold((0, 0), |(all, held), info| (all + info["grasps"].as_u64().unwrap_or(0), held + count(info, "held")));
+    let [grasps, held] = ["/grasps", "/outcomes/held"].map(|at| infos.iter().map(|info| number(info, at)).sum::<u64>());
     let agreement = infos.iter().find_map(|info| agreement_text(&info["agreement"]));
     let plural = if infos.len() == 1 { "" } else { "s" };
     let mut blocks = vec![
