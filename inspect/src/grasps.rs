@@ -27,8 +27,8 @@ pub fn grasps_table(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
     plain_table(grasp_columns(set))
 }
 
-/// Everything that is known of the grasps, a row for each. `free_on_table` has bit n set if the hand stays off the table
-/// in the n-th stable pose.
+/// Everything that is known of the grasps, a row for each. `free_on_table` has bit n set if the hand stays off the
+/// table in the n-th stable pose.
 #[must_use]
 pub fn grasp_columns(set: &ObjectGrasps) -> Vec<(&'static str, PlainColumn)> {
     let grasps = &set.grasps;
