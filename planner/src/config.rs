@@ -170,7 +170,7 @@ settings! {
         /// Farthest that a grasp may be from the object it belongs to.
         pub object_distance_m_max: f32 where 0.0..=10.0,
         /// What becomes of grasps that belong to no object.
-        pub without_object: WithoutObject,
+        pub without_object: WithoutObject; or WithoutObject::Last,
     }
     check RankingParams::weighs_something
 }
@@ -200,8 +200,6 @@ words! {
     pub enum WithoutObject {
         /// They come after all others, by quality.
         Last = "last",
-        /// They are dropped.
-        Drop = "drop",
     }
 }
 
@@ -290,7 +288,7 @@ mod tests {
             .replace("quality_min = 0.9", "quality_min = 1.5")
             .replace("policy = \"paper\"", "policy = \"best\"")
             .replace("weights = [0.45, 0.45, 0.1]", "weights = [0.5, nan]")
-            .replace("without_object = \"last\"", "without_object = \"first\"")
+            .replace("object_distance_m_max = 0.03", "object_distance_m_max = 0.03\nwithout_object = \"drop\"")
             .replace("gripper = \"parallel_jaw_80\"", "gripper = \"three_fingers\"");
         let problems = problems(&bad);
         assert_eq!(problems.len(), 5, "{problems:?}");
@@ -301,7 +299,7 @@ mod tests {
                 "detection.quality_min must be between 0.000001 and 1, got 1.5",
                 "ranking.policy must be one of paper, vgn-random, vgn-best, got best",
                 "ranking.weights must be three values, each a number between 0 and 1000, got [0.5, nan]",
-                "ranking.without_object must be one of last, drop, got first",
+                "ranking.without_object must be one of last, got drop",
             ]
         );
     }

@@ -196,8 +196,6 @@ pub enum RejectReason {
     },
     /// No turn about its approach closes on what was seen by a free way.
     NoClosing,
-    /// It has no object, and the config drops such grasps.
-    NoObject,
     /// Beyond the requested number of grasps.
     BeyondLimit,
 }
@@ -225,7 +223,6 @@ impl RejectReason {
             Self::NoClosing => {
                 ("no_closing", "no turn about its approach closes on what was seen by a free way".into())
             }
-            Self::NoObject => ("no_object", "belongs to no object".into()),
             Self::BeyondLimit => ("beyond_limit", "beyond the requested number of grasps".into()),
         }
     }
@@ -238,7 +235,7 @@ pub struct DroppedCandidate {
     #[serde(skip)]
     pub reason: RejectReason,
     /// `far_from_surface`, `width`, `quality`, `not_a_number`, `suppressed`, `avoided`, `limited`, `collision`,
-    /// `no_closing`, `no_object` or `beyond_limit`.
+    /// `no_closing` or `beyond_limit`.
     pub why: &'static str,
     /// The reason as text, with the numbers.
     pub detail: String,

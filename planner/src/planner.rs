@@ -9,7 +9,7 @@ use network::{Architecture, DenseNetwork, VoxelParams, checkpoint};
 use program::Failure;
 use schema::{Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
 
-use crate::config::{BuiltIn, Config, Policy, WithoutObject};
+use crate::config::{BuiltIn, Config, Policy};
 use crate::frame::{self, FoundTable};
 use crate::hand::HandVolume;
 use crate::input::{InputError, read_file, refuse};
@@ -253,9 +253,6 @@ impl Planner {
         candidates.end_stage("collision_free", format!("the hand's way is blocked for all {found} detections"));
         let policy = options.policy.unwrap_or(self.config.ranking.policy);
         rank::attribute(&mut candidates.grasps, &cloud, &objects, &self.config.ranking);
-        candidates.drop_where(|ranked| {
-            rank::is_left_out(ranked, policy, &self.config.ranking).then_some(RejectReason::NoObject)
-        });
         let Candidates { mut grasps, mut dropped, mut stages } = candidates;
         request.widths.measure(&mut grasps);
         rank::order(&mut grasps, policy, Stream::new(self.config.seed, seen.scene, Purpose::Ranking, 0));
@@ -271,12 +268,7 @@ impl Planner {
             ranked.workspace_from_flange = workspace_from_flange;
             ranked.base_from_flange = workspace_from_flange.and_then(in_base);
         }
-        let no_object = if objects.is_empty() {
-            "no cluster of points is large enough for an object, and grasps without one are dropped"
-        } else {
-            "no grasp belongs to an object, and others are dropped"
-        };
-        stages.push(Stage::new("ranked", grasps.len(), no_object));
+        stages.push(Stage::new("ranked", grasps.len(), "no grasps were asked for"));
         dropped.sort_by(|a, b| b.quality.total_cmp(&a.quality));
         let mut plan = Plan {
             format: FORMAT,
@@ -287,7 +279,7 @@ impl Planner {
             region: seen.region,
             workspace_from_camera: seen.workspace_from_first,
             table: seen.table,
-            reason: grasps.is_empty().then(|| reason(&stages, &cloud, options)),
+            reason: grasps.is_empty().then(|| reason(&stages, &cloud)),
             grasps,
             warnings: Vec::new(),
             objects,
@@ -330,7 +322,7 @@ impl Planner {
         if plan.cloud.plane.is_none() {
             warnings.push("no plane was found: nothing was taken away before clustering".to_owned());
         }
-        if plan.objects.is_empty() && self.config.ranking.without_object == WithoutObject::Last {
+        if plan.objects.is_empty() {
             warnings
                 .push("no cluster of points is large enough for an object: grasps are ranked by quality".to_owned());
         }
@@ -363,10 +355,7 @@ fn must_fit(masks: &[Option<Mask>], views: &[View]) -> Result<(), InputError> {
 }
 
 /// Why there are no grasps: the first stage that no candidate passed.
-fn reason(stages: &[Stage], cloud: &SegmentedCloud, options: &PlanOptions) -> String {
-    if options.grasps_max == Some(0) {
-        return "no grasps were asked for".to_owned();
-    }
+fn reason(stages: &[Stage], cloud: &SegmentedCloud) -> String {
     if cloud.points_m.is_empty() {
         return "empty scene: no surface was seen in the workspace".to_owned();
     }

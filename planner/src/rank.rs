@@ -5,7 +5,7 @@ use core::cmp::Ordering;
 use rayon::prelude::*;
 use schema::{Stream, Vec3};
 
-use crate::config::{Policy, RankingParams, WithoutObject};
+use crate::config::{Policy, RankingParams};
 use crate::plan::{ObjectCluster, PointLabel, RankedGrasp, SegmentedCloud};
 
 /// A grasp whose width was seen goes before one that is this much surer: a hand can then be opened to fit.
@@ -101,11 +101,6 @@ fn top_down(a: &RankedGrasp, b: &RankedGrasp) -> Ordering {
     key(a).cmp(&key(b)).then(rho(a).total_cmp(&rho(b)))
 }
 
-/// Whether a grasp is dropped because it has no object; only the paper's order may require one.
-pub(crate) fn is_left_out(ranked: &RankedGrasp, policy: Policy, params: &RankingParams) -> bool {
-    policy == Policy::Paper && ranked.object.is_none() && params.without_object == WithoutObject::Drop
-}
-
 #[cfg(test)]
 mod tests {
     use schema::{Purpose, Quat, pose_from_parts};
@@ -177,15 +172,5 @@ mod tests {
             firsts[grasps[0].quality as usize] += 1;
         }
         assert!(firsts.iter().all(|count| (870..1130).contains(count)), "{firsts:?}");
-    }
-
-    #[test]
-    fn only_the_paper_leaves_out_what_belongs_to_nothing() {
-        let params = RankingParams { without_object: WithoutObject::Drop, ..BuiltIn::Paper.config().unwrap().ranking };
-        let lost = grasp([0.0; 3], 0.95);
-        assert!(is_left_out(&lost, Policy::Paper, &params));
-        assert!(!is_left_out(&lost, Policy::VgnBest, &params));
-        assert!(!is_left_out(&RankedGrasp { object: Some(0), ..lost.clone() }, Policy::Paper, &params));
-        assert!(!is_left_out(&lost, Policy::Paper, &BuiltIn::Paper.config().unwrap().ranking));
     }
 }
