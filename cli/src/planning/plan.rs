@@ -202,15 +202,15 @@ fn request(arguments: &Arguments, grid: Grid) -> Result<Request, InputError> {
     }
     let mut input = if arguments.demo { demo::request()? } else { RequestInput::default() };
     let mut warning = None;
-    if let (Some(depth), Some(intrinsics)) = (&arguments.depth, &arguments.intrinsics) {
-        let read = lens(intrinsics)?;
-        warning = read.warning;
+    if let (Some(depth), Some(lens_file)) = (&arguments.depth, &arguments.intrinsics) {
+        let (intrinsics, said) = lens(lens_file)?;
+        warning = said;
         let path = |path: &PathBuf| SourceInput::Path(path.to_string_lossy().into_owned());
         let place = arguments.workspace_from_camera.map_or(PlaceInput::Table, |given| PlaceInput::Pose(pose(given)));
         input.views = Some(vec![ViewInput {
             mask: arguments.mask.as_ref().map(path),
             depth_scale_m: arguments.depth_scale,
-            intrinsics: Some(read.intrinsics),
+            intrinsics: Some(intrinsics),
             workspace_from_camera: Some(place),
             ..ViewInput::of(path(depth))
         }]);

@@ -10,14 +10,8 @@ use crate::input::npy;
 const BYTES_MAX: usize = 1 << 20;
 const KEYS: [&str; 6] = ["width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"];
 
-/// Intrinsics, and what the user should know of them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ReadLens {
-    /// The intrinsics, with the image's size where the file has it.
-    pub intrinsics: IntrinsicsInput,
-    /// A warning about unusual but valid content.
-    pub warning: Option<String>,
-}
+/// Intrinsics, with the image's size where a file has it, and a warning about unusual but valid content.
+pub type ReadLens = (IntrinsicsInput, Option<String>);
 
 /// Reads intrinsics from a file's bytes: ours, or a camera matrix as text or as an array.
 ///
@@ -52,8 +46,8 @@ pub fn read_intrinsics(bytes: &[u8]) -> Result<ReadLens, InputError> {
 /// What is said of a file in another form.
 fn other(got: &str) -> String {
     format!(
-        "intrinsics must be fx_px, fy_px, cx_px and cy_px in JSON or TOML, or a camera matrix of 3 x 3 or 3 x 4 \
-         numbers, got {}: the program of the Python package (pip install graspmill) reads those that ROS, RealSense, \
+        "intrinsics must be fx_px, fy_px, cx_px and cy_px in JSON or TOML, or a camera matrix of 3 x 3 numbers, \
+         got {}: the program of the Python package (pip install graspmill) reads those that ROS, RealSense, \
          Open3D and OpenCV write",
         shown(got)
     )
@@ -66,7 +60,10 @@ fn numbers_of(text: &str) -> Option<Vec<f64>> {
 }
 
 fn from_matrix(numbers: &[f64]) -> Result<ReadLens, InputError> {
-    from_camera_matrix(numbers).map(|intrinsics| ReadLens { intrinsics, warning: None })
+    match <[f64; 9]>::try_from(numbers) {
+        Ok(matrix) => Ok((from_camera_matrix(matrix)?, None)),
+        Err(_) => refuse(format!("a camera matrix must have 9 numbers, got {}", numbers.len())),
+    }
 }
 
 /// Ours, among other keys.
@@ -85,7 +82,7 @@ fn from_keys(keys: &Map<String, Value>) -> Result<ReadLens, InputError> {
          rectified image"
             .to_owned()
     });
-    Ok(ReadLens { intrinsics, warning })
+    Ok((intrinsics, warning))
 }
 
 #[cfg(test)]
@@ -112,7 +109,7 @@ mod tests {
              fx_px = 607.5\r\nfy_px = 608\r\ncx_px = 320.25\r\ncy_px = 241.0\r\n",
         ] {
             let read = read_intrinsics(text.as_bytes()).unwrap_or_else(|error| panic!("{error}\n{text}"));
-            assert_eq!(read, ReadLens { intrinsics: lens([Some(640), Some(480)]), warning: None }, "{text}");
+            assert_eq!(read, (lens([Some(640), Some(480)]), None), "{text}");
         }
     }
 
@@ -121,19 +118,16 @@ mod tests {
         for text in [
             "[[607.5, 0, 320.25], [0, 608, 241], [0, 0, 1]]",
             "[607.5, 0, 320.25, 0, 608, 241, 0, 0, 1]",
-            "[[607.5, 0, 320.25, 0], [0, 608, 241, 0], [0, 0, 1, 0]]",
             "6.075000000000000000e+02 0.000000000000000000e+00 3.202500000000000000e+02\n0 6.08e+02 2.41e2\n0 0 1",
             "# saved by hand\n607.5,0,320.25\n0,608,241\n0,0,1\n",
-            "607.5 0 320.25 0\n0 608 241 0\n0 0 1 0",
             "\u{feff}[[607.5   0.   320.25]\n [  0.   608.   241.  ]\n [  0.     0.     1.  ]]",
         ] {
             let read = read_intrinsics(text.as_bytes()).unwrap_or_else(|error| panic!("{error}\n{text}"));
-            assert_eq!(read, ReadLens { intrinsics: lens([None, None]), warning: None }, "{text}");
+            assert_eq!(read, (lens([None, None]), None), "{text}");
         }
-        let wide = [607.5, 0.0, 320.25, 0.0, 0.0, 608.0, 241.0, 0.0, 0.0, 0.0, 1.0, 0.0];
         let square = [607.5, 0.0, 320.25, 0.0, 608.0, 241.0, 0.0, 0.0, 1.0];
-        for bytes in [npy_of(&[3, 4], &wide), npy_of(&[3, 3], &square), npy_of(&[9], &square)] {
-            assert_eq!(read_intrinsics(&bytes).unwrap().intrinsics, lens([None, None]));
+        for bytes in [npy_of(&[3, 3], &square), npy_of(&[9], &square)] {
+            assert_eq!(read_intrinsics(&bytes).unwrap().0, lens([None, None]));
         }
     }
 
@@ -141,15 +135,15 @@ mod tests {
     fn distortion_is_told() {
         let text =
             r#"{ "fx_px": 607.5, "fy_px": 608, "cx_px": 320.25, "cy_px": 241, "distortion_coefficients": [0.1] }"#;
-        let read = read_intrinsics(text.as_bytes()).unwrap();
-        assert_eq!(read.intrinsics, lens([None, None]));
-        assert!(read.warning.unwrap().contains("images must be rectified"));
+        let (intrinsics, warning) = read_intrinsics(text.as_bytes()).unwrap();
+        assert_eq!(intrinsics, lens([None, None]));
+        assert!(warning.unwrap().contains("images must be rectified"));
     }
 
     #[test]
     fn what_is_no_lens_is_refused_with_what_it_is() {
         let cases = [
-            ("", "a camera matrix must have 9 or 12 numbers, got 0"),
+            ("", "a camera matrix must have 9 numbers, got 0"),
             ("P6 640 480", "numbers, got no TOML: "),
             (
                 "height: 480\nwidth: 640\nk: [525, 0, 319.5]",
@@ -161,11 +155,11 @@ mod tests {
             ("fx_px = 525,0", "numbers, got no TOML: "),
             ("fx_px = 525", "missing field `fy_px`"),
             ("{ \"fx_px\": \"525\" }", "invalid type: string \\\"525\\\", expected f64"),
-            ("525 525 319.5 239.5", "a camera matrix must have 9 or 12 numbers, got 4"),
+            ("525 525 319.5 239.5", "a camera matrix must have 9 numbers, got 4"),
             ("525 1 319.5\n0 525 239.5\n0 0 1", "must be without skew, 0 beside fx and fy, got 1 0"),
             ("525 0 319.5\n0 525 239.5\n0 1 1", "last row must be 0 0 1, got 0 1 1"),
             ("525 0 0\n0 525 0\n319.5 239.5 1", "got 319.5 239.5 1: is it transposed? rows come first"),
-            ("525 0 319.5 7\n0 525 239.5 0\n0 0 1 0", "fourth column must be 0 0 0, without a pose, got 7 0 0"),
+            ("525 0 319.5 0\n0 525 239.5 0\n0 0 1 0", "a camera matrix must have 9 numbers, got 12"),
         ];
         for (text, expected) in cases {
             let said = message(text);
@@ -173,7 +167,7 @@ mod tests {
         }
         assert!(message(&"0 ".repeat(600_000)).ends_with("at most 1048576 bytes, got 1200000"));
         assert!(read_intrinsics(b"\xff\xfe1\0").unwrap_err().to_string().contains("UTF-8"));
-        assert!(message(&"[".repeat(1 << 20)).starts_with("a camera matrix must have 9 or 12 numbers, got 0"));
+        assert!(message(&"[".repeat(1 << 20)).starts_with("a camera matrix must have 9 numbers, got 0"));
         for deep in [format!("[x{}", "[".repeat(1 << 19)), format!("a = {}", "[".repeat(1 << 19))] {
             assert!(message(&deep).contains("got no TOML"));
         }

@@ -99,7 +99,7 @@ fn damaged_clouds_and_grids_are_answered() {
 fn damaged_intrinsics_are_answered() {
     let files = [
         &b"[[5.0, 0.0, 2.0], [0.0, 5.0, 1.5], [0.0, 0.0, 1.0]]"[..],
-        &npy_of(&[3, 4], &[0.5; 12]),
+        &npy_of(&[3, 3], &[0.5; 9]),
         br#"{ "fx_px": 5, "distortion_coefficients": [1, 0, 0] }"#,
         b"fx_px = 1",
     ];
