@@ -36,6 +36,6 @@ pub use lens_file::{ReadLens, read_intrinsics};
 pub(crate) use npy::each;
 pub(crate) use options::options;
 pub use options::options_from_json;
-pub use request::{BoxInput, ConeInput, DataInput, PlaceInput, RequestInput, SourceInput, ViewInput};
+pub use request::{BoxInput, ConeInput, DataInput, RequestInput, SourceInput, ViewInput};
 pub(crate) use request::{parse_json, parse_toml};
 pub use tsdf::read_tsdf;

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use planner::input::{
-    BoxInput, ConeInput, InputError, OrientationInput, PlaceInput, PoseInput, PosePartsInput, ReadLens, Request,
-    RequestInput, SourceInput, ViewInput, assemble, from_file, read_color, read_file, read_intrinsics,
+    BoxInput, ConeInput, InputError, OrientationInput, PoseInput, PosePartsInput, ReadLens, Request, RequestInput,
+    SourceInput, ViewInput, assemble, from_file, read_color, read_file, read_intrinsics,
 };
 use planner::{Planners, Policy, View, demo};
 use program::{ExitCode, Failure, json, print, print_error, write};
@@ -68,7 +68,7 @@ pub(crate) struct Arguments {
 
     /// The cloud's frame in the workspace, or table: it is in its camera's frame, and the workspace is put on the table
     #[arg(long, value_name = "table|POSE", requires = "cloud", value_parser = place, allow_hyphen_values = true)]
-    workspace_from_cloud: Option<PlaceInput>,
+    workspace_from_cloud: Option<PoseInput>,
 
     /// The built-in scene
     #[arg(long)]
@@ -206,13 +206,16 @@ fn request(arguments: &Arguments, grid: Grid) -> Result<Request, InputError> {
         let (intrinsics, said) = lens(lens_file)?;
         warning = said;
         let path = |path: &PathBuf| SourceInput::Path(path.to_string_lossy().into_owned());
-        let place = arguments.workspace_from_camera.map_or(PlaceInput::Table, |given| PlaceInput::Pose(pose(given)));
         input.views = Some(vec![ViewInput {
+            depth: path(depth),
             mask: arguments.mask.as_ref().map(path),
             depth_scale_m: arguments.depth_scale,
             intrinsics: Some(intrinsics),
-            workspace_from_camera: Some(place),
-            ..ViewInput::of(path(depth))
+            workspace_from_camera: Some(arguments.workspace_from_camera.map_or(PoseInput::Table, pose)),
+            camera_from_workspace: None,
+            base_from_camera: None,
+            camera_from_base: None,
+            first_from_camera: None,
         }]);
     }
     add_flags(arguments, &mut input);
@@ -263,8 +266,8 @@ fn pose([x, y, z, quaternion_xyzw @ ..]: [f64; 7]) -> PoseInput {
 }
 
 /// A pose, or the word for a table that is to be found.
-fn place(text: &str) -> Result<PlaceInput, String> {
-    if text == "table" { Ok(PlaceInput::Table) } else { numbers(text).map(|given| PlaceInput::Pose(pose(given))) }
+fn place(text: &str) -> Result<PoseInput, String> {
+    if text == "table" { Ok(PoseInput::Table) } else { numbers(text).map(pose) }
 }
 
 fn lens(path: &Path) -> Result<ReadLens, InputError> {

@@ -8,14 +8,14 @@ use base64::engine::general_purpose::STANDARD;
 use schema::{Camera, Grid, Pose, Vec3};
 
 use crate::frame::moved;
-use crate::input::camera::{intrinsics, point, pose};
+use crate::input::camera::{PoseInput, intrinsics, point, pose};
 use crate::input::cloud::read_cloud;
 use crate::input::depth::{SIDE_PX_MAX, read_depth};
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::file::read_file;
 use crate::input::mask::read_mask;
 use crate::input::options::options;
-use crate::input::request::{PlaceInput, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
+use crate::input::request::{RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
 use crate::input::tsdf::read_tsdf;
 use crate::{BuiltIn, Mask, Observation, PlanOptions, PoseKey, Target, View};
 
@@ -40,7 +40,7 @@ pub struct Request {
 /// # Errors
 /// [`InputError`], naming the key.
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
-    let mut options = options(input, finds_table(input)?)?;
+    let mut options = options(input, finds_table(input))?;
     let grid = options.workspace(&grid);
     let config = input.config.as_deref().map(|name| {
         let names = BuiltIn::ALL.map(BuiltIn::name).join(", ");
@@ -83,16 +83,9 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
 }
 
 /// Whether the table is to be found: `"table"` stands for the pose of the first view, or of the cloud.
-fn finds_table(input: &RequestInput) -> Result<bool, InputError> {
-    let is_table = |place: &Option<PlaceInput>| *place == Some(PlaceInput::Table);
-    let views = input.views.as_deref().unwrap_or_default();
-    if let Some(number) = views.iter().skip(1).position(|view| is_table(&view.workspace_from_camera)) {
-        return refuse(format!(
-            "only the first view's pose may be \"table\", others have first_from_camera: views[{}].workspace_from_camera",
-            number + 1
-        ));
-    }
-    Ok(is_table(&input.workspace_from_cloud) || views.first().is_some_and(|view| is_table(&view.workspace_from_camera)))
+fn finds_table(input: &RequestInput) -> bool {
+    let first = input.views.as_ref().and_then(|views| views.first()?.workspace_from_camera.as_ref());
+    [first, input.workspace_from_cloud.as_ref()].contains(&Some(&PoseInput::Table))
 }
 
 /// A request to the service: without paths, because the service reads no files.
@@ -203,18 +196,14 @@ impl Assembly<'_> {
     /// The camera in the workspace, from its pose under one of five keys. Where the table is to be found, the first
     /// camera's frame stands for the workspace.
     fn place_of(&self, view: &ViewInput, first: Option<Pose>, at: &str) -> Result<(Pose, PoseKey), InputError> {
-        let pose_of = |place: &'_ PlaceInput| match place {
-            PlaceInput::Table => None,
-            PlaceInput::Pose(pose) => Some(pose.clone()),
-        };
         let given = [
-            view.workspace_from_camera.as_ref().map(pose_of),
-            view.camera_from_workspace.clone().map(Some),
-            view.base_from_camera.clone().map(Some),
-            view.camera_from_base.clone().map(Some),
-            view.first_from_camera.clone().map(Some),
+            &view.workspace_from_camera,
+            &view.camera_from_workspace,
+            &view.base_from_camera,
+            &view.camera_from_base,
+            &view.first_from_camera,
         ];
-        let mut given = PoseKey::ALL.into_iter().zip(given).filter_map(|(key, input)| Some((key, input?)));
+        let mut given = PoseKey::ALL.into_iter().zip(given).filter_map(|(key, input)| Some((key, input.as_ref()?)));
         let (Some((key, input)), None) = (given.next(), given.next()) else {
             let [keys @ .., last] = PoseKey::ALL.map(PoseKey::name);
             return refuse(format!(
@@ -223,8 +212,10 @@ impl Assembly<'_> {
             ));
         };
         let at = format!("{at}.{}", key.name());
-        let Some(input) = input else { return Ok((Pose::IDENTITY, key)) };
-        let given = pose(&input, &at)?;
+        if first.is_none() && (key, input) == (PoseKey::WorkspaceFromCamera, &PoseInput::Table) {
+            return Ok((Pose::IDENTITY, key));
+        }
+        let given = pose(input, &at)?;
         let target_from_camera = if key.is_inverse() { given.inverse() } else { given };
         let workspace_from_target = match (key, self.base_from_workspace, first) {
             (PoseKey::FirstFromCamera, _, Some(first)) => first,
@@ -233,7 +224,7 @@ impl Assembly<'_> {
             (_, None, _) if key.is_of_base() => {
                 return refuse(format!("needs the request's base_from_workspace: {at}"));
             }
-            _ if finds_table(self.input)? => {
+            _ if finds_table(self.input) => {
                 return refuse(format!("must be first_from_camera, as the table is found: {at}"));
             }
             _ => Pose::IDENTITY,
@@ -256,7 +247,8 @@ impl Assembly<'_> {
         };
         points_m.extend(object_m.iter().flatten());
         let seen = Observation::Cloud { points_m, eyes_m: given.unwrap_or_default() };
-        let Some(PlaceInput::Pose(place)) = &self.input.workspace_from_cloud else { return Ok((seen, object_m)) };
+        let place = self.input.workspace_from_cloud.as_ref().filter(|place| **place != PoseInput::Table);
+        let Some(place) = place else { return Ok((seen, object_m)) };
         let workspace_from_cloud = pose(place, "workspace_from_cloud")?;
         object_m.iter_mut().flatten().for_each(|at_m| *at_m = workspace_from_cloud * *at_m);
         Ok((moved(&seen, &workspace_from_cloud), object_m))
@@ -427,6 +419,7 @@ mod tests {
             ("/views/0/depth_scale_m", json!(5), "depth_scale_m must be between 1e-6 and 1, got 5: views[0].depth"),
             ("/views/0/workspace_from_camera", json!([[1]]), ": views[0].workspace_from_camera"),
             ("/views/0/workspace_from_camera", json!("up"), ": views[0].workspace_from_camera"),
+            ("/base_from_workspace", json!("table"), "or a cloud's pose: base_from_workspace"),
             (
                 "/views/0/base_from_camera",
                 shifted(),

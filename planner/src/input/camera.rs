@@ -6,7 +6,7 @@ use std::fmt;
 use glamx::{DQuat, DVec3};
 use schema::{Intrinsics, Pose, Quat, Vec3, pose_from_parts};
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{Error, MapAccess, SeqAccess, Visitor};
+use serde::de::{Error, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use crate::input::error::{InputError, refuse};
@@ -62,9 +62,12 @@ impl<'de> Visitor<'de> for IntrinsicsVisitor {
     }
 }
 
-/// A rigid transform: four rows of four numbers, or a position and a quaternion.
+/// A rigid transform: four rows of four numbers, or a position and a quaternion; or `"table"` of what is to be placed on
+/// it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PoseInput {
+    /// The table is to be found, and the workspace put on it.
+    Table,
     /// Rows of a homogeneous matrix.
     Matrix([[f64; 4]; 4]),
     /// A position and a quaternion.
@@ -98,14 +101,18 @@ impl<'de> Deserialize<'de> for PoseInput {
     }
 }
 
-/// A list selects the matrix, a table the position and quaternion, so errors refer to the intended form.
+/// A list selects the matrix, keys the position and quaternion, so errors refer to the intended form.
 struct PoseVisitor;
 
 impl<'de> Visitor<'de> for PoseVisitor {
     type Value = PoseInput;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("four rows of four numbers, or { position_m, quaternion_xyzw }")
+        f.write_str("four rows of four numbers, or { position_m, quaternion_xyzw }, or \"table\"")
+    }
+
+    fn visit_str<E: Error>(self, word: &str) -> Result<PoseInput, E> {
+        if word == "table" { Ok(PoseInput::Table) } else { Err(E::invalid_value(Unexpected::Str(word), &self)) }
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, rows: A) -> Result<PoseInput, A::Error> {
@@ -177,6 +184,7 @@ pub(crate) fn from_camera_matrix(matrix: [f64; 9]) -> Result<IntrinsicsInput, In
 pub(crate) fn pose(input: &PoseInput, at: &str) -> Result<Pose, InputError> {
     let (rotation, translation) = match input {
         PoseInput::Matrix(matrix) => from_matrix(matrix),
+        PoseInput::Table => refuse("\"table\" is for the first view's workspace_from_camera, or a cloud's pose"),
         PoseInput::Parts(PosePartsInput { position_m, quaternion_xyzw }) => finite("position_m", *position_m)
             .and_then(|position_m| Ok((unit_quaternion(*quaternion_xyzw)?, position_m))),
     }

@@ -5,8 +5,8 @@
 use std::fmt;
 use std::path::Path;
 
-use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{DeserializeOwned, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{DeserializeOwned, IgnoredAny, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::error::Category;
 
@@ -44,7 +44,7 @@ pub struct RequestInput {
     pub object: Option<SourceInput>,
     /// The cloud's frame in the workspace, by default the same. Or `"table"`: the cloud is in the optical frame of
     /// its camera, the table is found in it, and the workspace put on it.
-    pub workspace_from_cloud: Option<PlaceInput>,
+    pub workspace_from_cloud: Option<PoseInput>,
     /// The direction of gravity, of any length, in the frame of the first camera or of the cloud, to find the table;
     /// by default the camera is believed to stand upright and to look down.
     #[serde(default, deserialize_with = "maybe_numbers")]
@@ -133,7 +133,7 @@ pub struct ViewInput {
     pub intrinsics: Option<IntrinsicsInput>,
     /// The camera in the workspace: x right, y down, z forward. Or, of the first view, `"table"`: the table is found
     /// in what the cameras see, and the workspace put on it.
-    pub workspace_from_camera: Option<PlaceInput>,
+    pub workspace_from_camera: Option<PoseInput>,
     /// Its inverse instead, the workspace in the camera's frame: extrinsics as OpenCV has them.
     pub camera_from_workspace: Option<PoseInput>,
     /// The camera in the robot's base frame instead; needs the request's `base_from_workspace`.
@@ -142,61 +142,6 @@ pub struct ViewInput {
     pub camera_from_base: Option<PoseInput>,
     /// The camera in the frame of the first view's camera instead.
     pub first_from_camera: Option<PoseInput>,
-}
-
-impl ViewInput {
-    /// A view that has nothing but its depth image.
-    #[must_use]
-    pub const fn of(depth: SourceInput) -> Self {
-        Self {
-            depth,
-            mask: None,
-            depth_scale_m: None,
-            intrinsics: None,
-            workspace_from_camera: None,
-            camera_from_workspace: None,
-            base_from_camera: None,
-            camera_from_base: None,
-            first_from_camera: None,
-        }
-    }
-}
-
-/// Where a camera or a cloud is: a pose, or on the table that is to be found.
-#[derive(Debug, Clone, PartialEq)]
-pub enum PlaceInput {
-    /// The workspace is put on the table.
-    Table,
-    /// The pose in the workspace.
-    Pose(PoseInput),
-}
-
-impl<'de> Deserialize<'de> for PlaceInput {
-    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
-        source.deserialize_any(PlaceVisitor)
-    }
-}
-
-struct PlaceVisitor;
-
-impl<'de> Visitor<'de> for PlaceVisitor {
-    type Value = PlaceInput;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("four rows of four numbers, { position_m, quaternion_xyzw } or \"table\"")
-    }
-
-    fn visit_str<E: serde::de::Error>(self, word: &str) -> Result<PlaceInput, E> {
-        if word == "table" { Ok(PlaceInput::Table) } else { Err(E::invalid_value(Unexpected::Str(word), &self)) }
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, rows: A) -> Result<PlaceInput, A::Error> {
-        PoseInput::deserialize(SeqAccessDeserializer::new(rows)).map(PlaceInput::Pose)
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, parts: A) -> Result<PlaceInput, A::Error> {
-        PoseInput::deserialize(MapAccessDeserializer::new(parts)).map(PlaceInput::Pose)
-    }
 }
 
 /// The bytes of a file.
