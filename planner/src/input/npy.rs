@@ -9,24 +9,24 @@ const MAGIC: &[u8; 6] = b"\x93NUMPY";
 const HEADER_BYTES_MAX: usize = 64 * 1024;
 const RANK_MAX: usize = 5;
 
-/// A number type: its code in a dtype, its size, and how its numbers are read, whose bytes may be in big-endian order.
+/// A number type: its code in a dtype, its size, and how its numbers are read, which are little-endian.
 #[derive(Debug)]
 pub(crate) struct NumberType {
     code: &'static str,
     size_bytes: usize,
-    read: fn(&[u8], bool) -> Vec<f32>,
+    read: fn(&[u8]) -> Vec<f32>,
 }
 
 static NUMBER_TYPES: [NumberType; 9] = [
-    NumberType { code: "b1", size_bytes: 1, read: |data, is_big| each(data, is_big, |n| u8::from_le_bytes(n).into()) },
-    NumberType { code: "f4", size_bytes: 4, read: |data, is_big| each(data, is_big, f32::from_le_bytes) },
-    NumberType { code: "f8", size_bytes: 8, read: |data, is_big| each(data, is_big, |n| f64::from_le_bytes(n) as f32) },
-    NumberType { code: "u1", size_bytes: 1, read: |data, is_big| each(data, is_big, |n| u8::from_le_bytes(n).into()) },
-    NumberType { code: "u2", size_bytes: 2, read: |data, is_big| each(data, is_big, |n| u16::from_le_bytes(n).into()) },
-    NumberType { code: "u4", size_bytes: 4, read: |data, is_big| each(data, is_big, |n| u32::from_le_bytes(n) as f32) },
-    NumberType { code: "i2", size_bytes: 2, read: |data, is_big| each(data, is_big, |n| i16::from_le_bytes(n).into()) },
-    NumberType { code: "i4", size_bytes: 4, read: |data, is_big| each(data, is_big, |n| i32::from_le_bytes(n) as f32) },
-    NumberType { code: "i8", size_bytes: 8, read: |data, is_big| each(data, is_big, |n| i64::from_le_bytes(n) as f32) },
+    NumberType { code: "b1", size_bytes: 1, read: |data| each(data, |n| u8::from_le_bytes(n).into()) },
+    NumberType { code: "f4", size_bytes: 4, read: |data| each(data, f32::from_le_bytes) },
+    NumberType { code: "f8", size_bytes: 8, read: |data| each(data, |n| f64::from_le_bytes(n) as f32) },
+    NumberType { code: "u1", size_bytes: 1, read: |data| each(data, |n| u8::from_le_bytes(n).into()) },
+    NumberType { code: "u2", size_bytes: 2, read: |data| each(data, |n| u16::from_le_bytes(n).into()) },
+    NumberType { code: "u4", size_bytes: 4, read: |data| each(data, |n| u32::from_le_bytes(n) as f32) },
+    NumberType { code: "i2", size_bytes: 2, read: |data| each(data, |n| i16::from_le_bytes(n).into()) },
+    NumberType { code: "i4", size_bytes: 4, read: |data| each(data, |n| i32::from_le_bytes(n) as f32) },
+    NumberType { code: "i8", size_bytes: 8, read: |data| each(data, |n| i64::from_le_bytes(n) as f32) },
 ];
 
 impl NumberType {
@@ -50,7 +50,6 @@ pub(crate) struct NpyHeader {
     /// Length of each axis.
     pub(crate) shape: Vec<usize>,
     pub(crate) number: &'static NumberType,
-    is_big_endian: bool,
     is_fortran: bool,
 }
 
@@ -102,20 +101,19 @@ fn parse(text: &str) -> Result<NpyHeader, InputError> {
     let Some(descr) = keys.descr.as_str() else {
         return refuse("an array of records is refused: save plain numbers");
     };
-    let (number, is_big_endian) = number_of(descr)?;
-    Ok(NpyHeader { shape: keys.shape, number, is_big_endian, is_fortran: keys.fortran_order })
+    Ok(NpyHeader { shape: keys.shape, number: number_of(descr)?, is_fortran: keys.fortran_order })
 }
 
-/// The number type of a dtype such as `<f4`, and whether it is big-endian.
-fn number_of(descr: &str) -> Result<(&'static NumberType, bool), InputError> {
+/// The number type of a dtype such as `<f4`.
+fn number_of(descr: &str) -> Result<&'static NumberType, InputError> {
     let (order, code) = descr.split_at_checked(1).unwrap_or(("", descr));
     if code.starts_with('O') {
         return refuse("an array of pickled Python objects is refused: save plain numbers");
     }
     match NUMBER_TYPES.iter().find(|number| number.code == code) {
-        Some(number) if ["<", ">"].contains(&order) || (order == "|" && number.is_byte()) => Ok((number, order == ">")),
+        Some(number) if order == "<" || (order == "|" && number.is_byte()) => Ok(number),
         _ => {
-            let known = "<f4, <f8, |u1, <u2, <u4, <i2, <i4 or <i8 (or big-endian, with >)";
+            let known = "<f4, <f8, |u1, <u2, <u4, <i2, <i4 or <i8";
             refuse(format!("an array's dtype must be {known}, got `{}`", shown(descr)))
         }
     }
@@ -134,21 +132,14 @@ impl NpyHeader {
 
     /// The values with the last axis fastest, for any order in the file.
     pub(crate) fn decode(&self, data: &[u8]) -> Vec<f32> {
-        let values = (self.number.read)(data, self.is_big_endian);
+        let values = (self.number.read)(data);
         if self.is_fortran { last_axis_fastest(&self.shape, &values) } else { values }
     }
 }
 
-/// Numbers of `N` bytes each, passed to `convert` in little-endian order.
-pub(crate) fn each<const N: usize>(data: &[u8], is_big_endian: bool, convert: impl Fn([u8; N]) -> f32) -> Vec<f32> {
-    let number = |bytes: &[u8; N]| {
-        let mut bytes = *bytes;
-        if is_big_endian {
-            bytes.reverse();
-        }
-        convert(bytes)
-    };
-    data.as_chunks::<N>().0.iter().map(number).collect()
+/// Numbers of `N` bytes each.
+pub(crate) fn each<const N: usize>(data: &[u8], convert: impl Fn([u8; N]) -> f32) -> Vec<f32> {
+    data.as_chunks::<N>().0.iter().map(|bytes| convert(*bytes)).collect()
 }
 
 /// Reorders values from first-axis-fastest to last-axis-fastest.
@@ -201,23 +192,22 @@ mod tests {
     }
 
     #[test]
-    fn every_dtype_in_both_byte_orders_is_the_same_numbers() {
+    fn every_dtype_is_the_same_numbers() {
         let numbers = [0_u8, 3, 100];
         let wanted = [0.0, 3.0, 100.0];
         let mut files: Vec<(&str, Vec<u8>)> = vec![("|u1", numbers.to_vec())];
-        macro_rules! both {
-            ($little:literal, $big:literal, $number:ty) => {
-                files.push(($little, numbers.iter().flat_map(|n| <$number>::from(*n).to_le_bytes()).collect()));
-                files.push(($big, numbers.iter().flat_map(|n| <$number>::from(*n).to_be_bytes()).collect()));
+        macro_rules! of {
+            ($descr:literal, $number:ty) => {
+                files.push(($descr, numbers.iter().flat_map(|n| <$number>::from(*n).to_le_bytes()).collect()));
             };
         }
-        both!("<f4", ">f4", f32);
-        both!("<f8", ">f8", f64);
-        both!("<u2", ">u2", u16);
-        both!("<u4", ">u4", u32);
-        both!("<i2", ">i2", i16);
-        both!("<i4", ">i4", i32);
-        both!("<i8", ">i8", i64);
+        of!("<f4", f32);
+        of!("<f8", f64);
+        of!("<u2", u16);
+        of!("<u4", u32);
+        of!("<i2", i16);
+        of!("<i4", i32);
+        of!("<i8", i64);
         for (descr, data) in files {
             for version in [1, 2, 3] {
                 let read = read(&file(version, &header(descr, "False", "(3,)"), &data)).unwrap();
@@ -263,6 +253,7 @@ mod tests {
         assert!(of(&header("|O", "False", "(1,)")).contains("pickled"));
         assert!(of(&header("<c8", "False", "(1,)")).contains("dtype"));
         assert!(of(&header("|f4", "False", "(2,)")).contains("dtype"));
+        assert!(of(&header(">f4", "False", "(2,)")).contains("<i4 or <i8, got `>f4`"));
         assert!(of("{'descr': [('x', '<f4')], 'fortran_order': False, 'shape': (1,), }").contains("records"));
         assert!(of(&header("|u1", "False", "(1, 1, 1, 1, 1, 8)")).contains("axes"));
         assert!(of("{'shape': (8,), 'color': 'red'}").contains("unknown field `color`"));

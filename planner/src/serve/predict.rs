@@ -195,8 +195,8 @@ impl ArrayInput {
             return Err(bad("bad_shape", format!("shape must be [N, 3], got {:?}", self.shape)));
         }
         let values: Vec<f32> = match size_bytes {
-            4 => each(&bytes, false, f32::from_le_bytes),
-            _ => each(&bytes, false, |eight| f64::from_le_bytes(eight) as f32),
+            4 => each(&bytes, f32::from_le_bytes),
+            _ => each(&bytes, |eight| f64::from_le_bytes(eight) as f32),
         };
         let points_m: Vec<Vec3> = values.chunks_exact(3).map(Vec3::from_slice).collect();
         match points_m.iter().position(|at_m| !at_m.is_finite()) {
