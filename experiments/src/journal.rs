@@ -1,8 +1,7 @@
 //! The journal of an experiment: the rounds that were played, one a line, from which an interrupted run continues.
 //!
-//! A line ends with a seal, the SHA-256 of the line without it, so that damage and edits are noticed. Journals that
-//! began before there were seals have lines without. A last line without a line break was cut off: its round is played
-//! again.
+//! A line ends with a seal, the SHA-256 of the line without it, so that damage and edits are noticed. A last line without
+//! a line break was cut off: its round is played again.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use program::{Context as _, ExitCode, Failure, open_as, unread};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::files::{bytes, sha256};
 use crate::record::Round;
@@ -20,8 +19,7 @@ use crate::record::Round;
 const JOURNAL: &str = "journal.jsonl";
 
 /// The first line: the program and the experiment that wrote the journal.
-#[derive(Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Serialize)]
 pub(crate) struct Identity {
     pub(crate) version: String,
     pub(crate) model: String,
@@ -29,22 +27,6 @@ pub(crate) struct Identity {
     pub(crate) seeds: Vec<u64>,
     /// Rounds of a seed where there are several.
     pub(crate) rounds: u64,
-}
-
-impl Identity {
-    /// That of a journal, if its first line is one.
-    fn of(text: &str) -> Option<Self> {
-        let line = text.lines().next()?;
-        let line = line.rsplit_once(SEAL).map_or_else(|| line.to_owned(), |(body, _)| format!("{body}}}"));
-        serde_json::from_str(&line).ok()
-    }
-
-    /// Whether a round has the seed and the scene of its number.
-    fn has(&self, round: &Round) -> bool {
-        let of_a_seed = if self.seeds.len() > 1 { self.rounds.max(1) } else { u64::MAX };
-        let seed = self.seeds.get((round.round / of_a_seed) as usize);
-        seed == Some(&round.seed) && round.scene_id == round.round % of_a_seed
-    }
 }
 
 /// A journal to which rounds are added.
@@ -55,23 +37,22 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal of a folder, without a truncated last line, or begins it as the first of `identities`, any of
-    /// which it may have. Also returns its rounds, by number.
-    pub(crate) fn open(folder: &Path, identities: &[Identity]) -> Result<(Self, Vec<Round>), Failure> {
+    /// Opens the journal of a folder, without a truncated last line, or begins it. Also returns its rounds, by number.
+    pub(crate) fn open(folder: &Path, identity: &Identity) -> Result<(Self, Vec<Round>), Failure> {
         let path = folder.join(JOURNAL);
+        let first = sealed(identity).context("failed to begin a journal")?;
         let text = match whole_lines(&path)? {
             Some(text) => text,
             None => {
-                let line = identities.first().map(sealed).transpose().context("failed to begin a journal")?;
-                program::write(&path, line.as_deref().unwrap_or_default())?;
-                line.unwrap_or_default()
+                program::write(&path, &first)?;
+                first.clone()
             }
         };
-        let identity = Identity::of(&text).filter(|identity| identities.contains(identity)).ok_or_else(|| {
+        let rounds = text.strip_prefix(&first).ok_or_else(|| {
             let text = "the folder holds another experiment: its experiment.toml, network or program differs";
             Failure::new(ExitCode::Config, format!("{text}: {}", path.display()))
         })?;
-        let rounds = rounds_of(&text, &identity).map_err(|error| unread(&path, &error))?;
+        let rounds = rounds_of(rounds).map_err(|error| unread(&path, &error))?;
         let file = open_as(&path, File::options().append(true));
         let file = file.and_then(|file| file.set_len(text.len() as u64).map(|()| file));
         let file = file.context(format_args!("failed to write {}", path.display()))?;
@@ -94,22 +75,15 @@ fn whole_lines(path: &Path) -> Result<Option<String>, Failure> {
     String::from_utf8(bytes).map(Some).map_err(damaged)
 }
 
-/// The rounds of a journal with this first line, by number.
-fn rounds_of(text: &str, identity: &Identity) -> io::Result<Vec<Round>> {
-    let (mut is_sealed, mut rounds) = (false, BTreeMap::new());
-    for (number, line) in (1..).zip(text.lines()) {
+/// The rounds of a journal's lines after the first, by number.
+fn rounds_of(text: &str) -> io::Result<Vec<Round>> {
+    let mut rounds = BTreeMap::new();
+    for (number, line) in (2..).zip(text.lines()) {
         let damaged = |what: &str| io::Error::new(ErrorKind::InvalidData, format!("line {number} {what}"));
-        is_sealed |= line.contains(SEAL); // a journal from before there were seals may have been continued
-        if !is_whole(line, is_sealed) {
+        if !is_whole(line) {
             return Err(damaged("does not fit its seal; it was edited or damaged"));
         }
-        if number == 1 {
-            continue;
-        }
         let round: Round = serde_json::from_str(line).map_err(|_| damaged("is not a round"))?;
-        if !round.is_sound() || !identity.has(&round) {
-            return Err(damaged("has values that no round of this experiment has"));
-        }
         if rounds.insert(round.round, round).is_some() {
             return Err(damaged("has the round of an earlier line; delete one of the two"));
         }
@@ -128,12 +102,10 @@ fn sealed(value: &impl Serialize) -> io::Result<String> {
     Ok(line + SEAL + &seal + "\"}\n")
 }
 
-/// Whether a line is as it was sealed, or has no seal where it need not have one.
-fn is_whole(line: &str, is_sealed: bool) -> bool {
-    match line.rsplit_once(SEAL) {
-        Some((body, seal)) => seal.strip_suffix("\"}") == Some(&sha256(format!("{body}}}"))),
-        None => !is_sealed,
-    }
+/// Whether a line is as it was sealed.
+fn is_whole(line: &str) -> bool {
+    let fits = |(body, seal): (&str, &str)| seal.strip_suffix("\"}") == Some(&sha256(format!("{body}}}")));
+    line.rsplit_once(SEAL).is_some_and(fits)
 }
 
 #[cfg(test)]
@@ -167,7 +139,7 @@ mod tests {
     /// A folder with a journal of three rounds, and its text.
     fn begun() -> (tempfile::TempDir, String) {
         let folder = tempfile::tempdir().unwrap();
-        let (journal, rounds) = Journal::open(folder.path(), &[identity("a"), identity("b")]).unwrap();
+        let (journal, rounds) = Journal::open(folder.path(), &identity("a")).unwrap();
         assert_eq!(rounds, []);
         [2, 0, 1].iter().for_each(|number| journal.push(&round(*number)).unwrap());
         let text = fs::read_to_string(folder.path().join(JOURNAL)).unwrap();
@@ -176,7 +148,7 @@ mod tests {
 
     fn read(folder: &Path, text: &str) -> Result<Vec<Round>, Failure> {
         fs::write(folder.join(JOURNAL), text).unwrap();
-        Journal::open(folder, &[identity("a")]).map(|(_, rounds)| rounds)
+        Journal::open(folder, &identity("a")).map(|(_, rounds)| rounds)
     }
 
     fn refused(folder: &Path, text: &str, why: &str) {
@@ -192,14 +164,14 @@ mod tests {
         for end in first..text.len() {
             let whole = text[..end].matches('\n').count();
             fs::write(folder.path().join(JOURNAL), &text[..end]).unwrap();
-            let (_, rounds) = Journal::open(folder.path(), &[identity("a")]).unwrap();
+            let (_, rounds) = Journal::open(folder.path(), &identity("a")).unwrap();
             assert_eq!(rounds.len(), whole - 1, "cut to {end} bytes");
         }
-        let (journal, rounds) = Journal::open(folder.path(), &[identity("a")]).unwrap();
+        let (journal, rounds) = Journal::open(folder.path(), &identity("a")).unwrap();
         assert_eq!(rounds, [round(0), round(2)]);
         journal.push(&round(1)).unwrap();
         assert_eq!(fs::read_to_string(folder.path().join(JOURNAL)).unwrap(), text);
-        assert_eq!(Journal::open(folder.path(), &[identity("b")]).unwrap_err().exit_code(), ExitCode::Config);
+        assert_eq!(Journal::open(folder.path(), &identity("b")).unwrap_err().exit_code(), ExitCode::Config);
     }
 
     #[test]
@@ -216,30 +188,7 @@ mod tests {
             let mut bytes = text.clone().into_bytes();
             bytes[at] ^= 1;
             fs::write(folder.path().join(JOURNAL), bytes).unwrap();
-            assert!(Journal::open(folder.path(), &[identity("a")]).is_err(), "byte {at}");
+            assert!(Journal::open(folder.path(), &identity("a")).is_err(), "byte {at}");
         }
-    }
-
-    #[test]
-    fn a_journal_from_before_there_were_seals_is_read_checked_and_continued() {
-        let (folder, text) = begun();
-        let bare = |line: &str| format!("{}}}\n", line.rsplit_once(SEAL).unwrap().0);
-        let old: String = text.lines().map(bare).collect();
-        assert_eq!(read(folder.path(), &old).unwrap(), [0, 1, 2].map(round));
-        refused(folder.path(), &(old.clone() + &bare(text.lines().nth(1).unwrap())), "an earlier line");
-        for (was, is) in
-            [("\"seed\":8", "\"seed\":7"), ("\"lost_count\":1", "\"lost_count\":4"), ("no_grasp", "cleared")]
-        {
-            refused(folder.path(), &old.replacen(was, is, 1), "line 2 has values that no round of this experiment has");
-        }
-        let (journal, rounds) = {
-            fs::write(folder.path().join(JOURNAL), &old).unwrap();
-            Journal::open(folder.path(), &[identity("of now"), identity("a")]).unwrap()
-        };
-        assert_eq!(rounds.len(), 3);
-        journal.push(&round(3)).unwrap();
-        let text = fs::read_to_string(folder.path().join(JOURNAL)).unwrap();
-        assert_eq!(read(folder.path(), &text).unwrap().len(), 4);
-        refused(folder.path(), &text.replace("\"round\":3", "\"round\":4"), "line 5 does not fit its seal");
     }
 }

@@ -54,18 +54,6 @@ pub struct Round {
     pub attempts: Vec<Attempt>,
 }
 
-impl Round {
-    /// Whether its values agree: a file may have been edited.
-    pub(crate) fn is_sound(&self) -> bool {
-        let gone = u64::from(self.removed_count) + u64::from(self.lost_count);
-        let held = self.attempts.iter().filter(|attempt| attempt.outcome.label() == 1).count();
-        held == self.removed_count as usize
-            && gone <= u64::from(self.object_count)
-            && (self.ending != Ending::Cleared || gone == u64::from(self.object_count))
-            && self.attempts.iter().all(|attempt| attempt.object_count <= self.object_count && attempt.is_sound())
-    }
-}
-
 /// An executed grasp.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Attempt {
@@ -97,17 +85,6 @@ pub struct Attempt {
 }
 
 impl Attempt {
-    fn is_sound(&self) -> bool {
-        let times = [self.observe_ms, self.plan_ms].iter().all(|time_ms| (0.0..f32::INFINITY).contains(time_ms));
-        let poses = self.objects.iter().map(|object| &object.workspace_from_object).chain([&self.workspace_from_grasp]);
-        times
-            && self.quality.is_finite()
-            && self.width_m.is_finite()
-            && self.objects.len() == self.object_count as usize
-            && self.target_id < self.object_count
-            && poses.into_iter().all(|pose| pose.is_finite())
-    }
-
     /// Name of the target: the kind of solid, or a catalogue's name.
     #[must_use]
     pub fn target(&self) -> &str {

@@ -31,15 +31,15 @@ pub fn run(
     stop: &AtomicBool,
     on_round: &(dyn Fn(&Round) + Sync),
 ) -> Result<Vec<Round>, Failure> {
-    let identity = |digest: &String| Identity {
+    let identity = Identity {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         model: planner.id(),
-        config: digest.clone(),
+        config: config.digest.clone(),
         seeds: config.keys.seeds.clone(),
         // With one seed the number of rounds may change; with several seeds rounds are numbered consecutively.
         rounds: if config.keys.seeds.len() > 1 { config.keys.rounds } else { 0 },
     };
-    let (journal, mut rounds) = Journal::open(folder, &[&config.digest, &config.digest_with_paths].map(identity))?;
+    let (journal, mut rounds) = Journal::open(folder, &identity)?;
     rounds.retain(|round| round.round < config.round_count());
     rounds.iter().for_each(on_round);
     let played: BTreeSet<u64> = rounds.iter().map(|round| round.round).collect();
