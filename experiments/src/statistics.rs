@@ -3,13 +3,13 @@
 //! Rounds are the independent units, not attempts, because attempts of a round share a scene. Therefore every interval
 //! is a percentile bootstrap over whole rounds.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use schema::Outcome;
 use schema::statistics::bootstrap_share;
 use serde::{Deserialize, Serialize};
 
-use crate::record::{Attempt, Ending, Round};
+use crate::record::{Ending, Round};
 
 /// The results of an experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,15 +36,8 @@ pub struct Results {
     pub by_group: Vec<GroupResults>,
     /// Rounds by seed, if there are several.
     pub by_seed: Vec<GroupResults>,
-    /// Attempts by target.
-    pub by_target: Vec<TargetResults>,
     /// Depth images to ranked grasps; `None` without attempts.
     pub plan_ms: Option<Percentiles>,
-    /// Rendering the views; `None` without attempts.
-    pub observe_ms: Option<Percentiles>,
-    /// Grasps per plan, over plans with an executed grasp; `None` without attempts.
-    #[serde(rename = "planned_per_trial_mean")]
-    pub planned_per_attempt_mean: Option<f64>,
 }
 
 /// The rates for comparing experiments; `None` where the denominator is 0.
@@ -76,8 +69,6 @@ pub struct GroupResults {
     pub name: String,
     /// Rounds.
     pub rounds: u64,
-    /// Number of scenes redrawn because the hand cannot span an object.
-    pub unviable: u64,
     /// Objects at the beginning.
     pub objects: u64,
     /// Grasps that were executed.
@@ -86,19 +77,6 @@ pub struct GroupResults {
     pub held: u64,
     /// The rates.
     pub rates: Rates,
-}
-
-/// Attempts at one kind of object.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TargetResults {
-    /// Its name.
-    pub name: String,
-    /// Grasps that were executed.
-    pub attempts: u64,
-    /// Number that held.
-    pub held: u64,
-    /// Success rate over these attempts.
-    pub success_rate: Option<Interval>,
 }
 
 /// Quantiles of times, in the unit of the field's name; each is a measured time (nearest rank).
@@ -135,10 +113,7 @@ pub fn results(protocol: &str, rounds: &[Round]) -> Results {
         outcomes: counts(tried().map(|attempt| attempt.outcome)),
         by_group: by(&rounds, |round| round.group.clone()),
         by_seed: if seeds.len() > 1 { seeds } else { Vec::new() },
-        by_target: by_target(&rounds),
         plan_ms: Percentiles::of(tried().map(|attempt| attempt.plan_ms).collect()),
-        observe_ms: Percentiles::of(tried().map(|attempt| attempt.observe_ms).collect()),
-        planned_per_attempt_mean: quotient(tried().map(|attempt| u64::from(attempt.planned_count)).sum(), attempts),
     }
 }
 
@@ -156,7 +131,8 @@ fn by(rounds: &[&Round], name: impl Fn(&Round) -> String) -> Vec<GroupResults> {
 }
 
 fn group(name: String, rounds: &[&Round]) -> GroupResults {
-    let attempts = held_by_round(rounds, |_| true);
+    let held = |round: &&Round| round.attempts.iter().map(|attempt| u64::from(attempt.outcome.label())).sum::<u64>();
+    let attempts: Vec<(u64, u64)> = rounds.iter().map(|round| (held(round), round.attempts.len() as u64)).collect();
     let objects: Vec<(u64, u64)> =
         rounds.iter().map(|round| (round.removed_count.into(), round.object_count.into())).collect();
     let cleared: Vec<(u64, u64)> = rounds.iter().map(|round| ((round.ending == Ending::Cleared).into(), 1)).collect();
@@ -164,7 +140,6 @@ fn group(name: String, rounds: &[&Round]) -> GroupResults {
     GroupResults {
         name,
         rounds: rounds.len() as u64,
-        unviable: rounds.iter().map(|round| u64::from(round.unviable_count)).sum(),
         objects: sum(&objects).1,
         attempts: attempt_count,
         held,
@@ -174,25 +149,6 @@ fn group(name: String, rounds: &[&Round]) -> GroupResults {
             rounds_cleared_share: Interval::over(&cleared),
         },
     }
-}
-
-fn by_target(rounds: &[&Round]) -> Vec<TargetResults> {
-    let names: BTreeSet<&str> = rounds.iter().flat_map(|round| &round.attempts).map(Attempt::target).collect();
-    let targets = names.into_iter().map(|name| {
-        let pairs = held_by_round(rounds, |attempt| attempt.target() == name);
-        let (held, attempts) = sum(&pairs);
-        TargetResults { name: name.to_owned(), attempts, held, success_rate: Interval::over(&pairs) }
-    });
-    targets.collect()
-}
-
-/// For each round, how many of the attempts that `counts` held, and their number.
-fn held_by_round(rounds: &[&Round], counts: impl Fn(&Attempt) -> bool) -> Vec<(u64, u64)> {
-    let held = |round: &&Round| {
-        let counted = round.attempts.iter().filter(|attempt| counts(attempt));
-        counted.fold((0, 0), |(held, all), attempt| (held + u64::from(attempt.outcome.label()), all + 1))
-    };
-    rounds.iter().map(held).collect()
 }
 
 /// Counts of each value, in their own order.
@@ -206,10 +162,6 @@ fn counts<T: Ord>(found: impl Iterator<Item = T>) -> BTreeMap<T, u64> {
 
 fn sum(pairs: &[(u64, u64)]) -> (u64, u64) {
     pairs.iter().fold((0, 0), |(part, whole), pair| (part + pair.0, whole + pair.1))
-}
-
-fn quotient(part: u64, whole: u64) -> Option<f64> {
-    (whole > 0).then(|| part as f64 / whole as f64)
 }
 
 impl Rates {
@@ -226,7 +178,7 @@ impl Interval {
     /// about their variance; the interval is then 0 to 1. `None` if the denominator is 0.
     fn over(rounds: &[(u64, u64)]) -> Option<Self> {
         let (part, whole) = sum(rounds);
-        let value = quotient(part, whole)?;
+        let value = (whole > 0).then(|| part as f64 / whole as f64)?;
         if rounds.iter().filter(|(_, whole)| *whole > 0).count() < 2 {
             return Some(Self { value, low: 0.0, high: 1.0 });
         }
@@ -253,7 +205,7 @@ mod tests {
     use schema::Pose;
 
     use super::*;
-    use crate::record::AttemptObject;
+    use crate::record::{Attempt, AttemptObject};
 
     fn round(round: u64, object_count: u32, removed_count: u32, ending: Ending, attempts: Vec<Attempt>) -> Round {
         Round {
@@ -323,24 +275,12 @@ mod tests {
         assert_eq!(value(found.rates.rounds_cleared_share), 1.0 / 3.0);
         assert_eq!(found.endings, [(Ending::Cleared, 1), (Ending::NoGrasp, 1), (Ending::Failures, 1)].into());
         assert_eq!(found.outcomes, [(Outcome::Empty, 1), (Outcome::Slipped, 1), (Outcome::Held, 3)].into());
-        assert_eq!(found.planned_per_attempt_mean, Some(10.8));
         assert_eq!(found.plan_ms, Some(Percentiles { p50: 12.0, p90: 14.0, p99: 14.0 }));
-        assert_eq!(found.observe_ms, Some(Percentiles { p50: 24.0, p90: 28.0, p99: 28.0 }));
-        let targets: Vec<(&str, u64, u64)> =
-            found.by_target.iter().map(|target| (target.name.as_str(), target.attempts, target.held)).collect();
-        assert_eq!(targets, [("cuboid", 4, 2), ("cylinder", 1, 1)]);
-        assert_eq!(value(found.by_target[0].success_rate), 0.5);
-        let told = |groups: &[GroupResults]| -> Vec<(String, [u64; 5])> {
-            groups.iter().map(|g| (g.name.clone(), [g.rounds, g.unviable, g.objects, g.attempts, g.held])).collect()
+        let told = |groups: &[GroupResults]| -> Vec<(String, [u64; 4])> {
+            groups.iter().map(|g| (g.name.clone(), [g.rounds, g.objects, g.attempts, g.held])).collect()
         };
-        assert_eq!(
-            told(&found.by_group),
-            [("first".to_owned(), [1, 1, 2, 2, 2]), ("others".to_owned(), [2, 2, 6, 3, 1])]
-        );
-        assert_eq!(
-            told(&found.by_seed),
-            [("seed 0".to_owned(), [2, 2, 5, 2, 2]), ("seed 1".to_owned(), [1, 1, 3, 3, 1])]
-        );
+        assert_eq!(told(&found.by_group), [("first".to_owned(), [1, 2, 2, 2]), ("others".to_owned(), [2, 6, 3, 1])]);
+        assert_eq!(told(&found.by_seed), [("seed 0".to_owned(), [2, 5, 2, 2]), ("seed 1".to_owned(), [1, 3, 3, 1])]);
     }
 
     #[test]
@@ -369,8 +309,8 @@ mod tests {
     fn nothing_is_divided_by_nothing() {
         let found = results("pile", &[]);
         assert_eq!(found.rates, Rates { success_rate: None, cleared_share: None, rounds_cleared_share: None });
-        assert_eq!((found.plan_ms, found.observe_ms, found.planned_per_attempt_mean), (None, None, None));
-        assert!(found.endings.is_empty() && found.outcomes.is_empty() && found.by_target.is_empty());
+        assert_eq!(found.plan_ms, None);
+        assert!(found.endings.is_empty() && found.outcomes.is_empty());
         let no_grasp = [0, 1].map(|number| round(number, 5, 0, Ending::NoGrasp, Vec::new()));
         let rates = results("pile", &no_grasp).rates;
         assert_eq!(rates.success_rate, None);

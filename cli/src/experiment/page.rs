@@ -125,7 +125,7 @@ fn lines(one: &Played) -> Vec<Vec<Cell>> {
     let Results { rounds, objects, attempts, held, rates, by_group, by_seed, plan_ms, .. } = &one.report.results;
     let own = line(one.name.clone(), [*rounds, *objects, *attempts, *held], rates, times(*plan_ms));
     let part = |part: &GroupResults| {
-        let GroupResults { name, rounds, objects, attempts, held, rates, .. } = part;
+        let GroupResults { name, rounds, objects, attempts, held, rates } = part;
         line(format!("– {name}"), [*rounds, *objects, *attempts, *held], rates, String::new())
     };
     let parts = [by_group, by_seed].into_iter().filter(|parts| parts.len() > 1).flatten();
@@ -182,7 +182,7 @@ fn times(percentiles: Option<Percentiles>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use experiments::statistics::{TargetResults, results};
+    use experiments::statistics::results;
 
     use super::*;
 
@@ -190,18 +190,17 @@ mod tests {
         Some(Interval { value, low, high })
     }
 
-    fn group(name: &str, held: u64, unviable: u64) -> GroupResults {
+    fn group(name: &str, held: u64) -> GroupResults {
         let rates = Rates {
             success_rate: interval(0.5, 0.25, 0.75),
             cleared_share: interval(0.75, 0.5, 1.0),
             rounds_cleared_share: None,
         };
-        GroupResults { name: name.to_owned(), rounds: 2, unviable, objects: 4, attempts: 5, held, rates }
+        GroupResults { name: name.to_owned(), rounds: 2, objects: 4, attempts: 5, held, rates }
     }
 
     /// Made by hand, so that the text does not depend on how intervals are drawn.
     fn small(protocol: &str) -> Results {
-        let success_rate = interval(0.5, 0.25, 0.687);
         Results {
             protocol: protocol.to_owned(),
             rounds: 4,
@@ -216,12 +215,9 @@ mod tests {
             },
             endings: [(Ending::Cleared, 2), (Ending::Failures, 2)].into(),
             outcomes: [(Outcome::Empty, 1), (Outcome::Slipped, 3), (Outcome::Held, 6)].into(),
-            by_group: vec![group("hard", 2, 1), group("easy", 2, 0)],
+            by_group: vec![group("hard", 2), group("easy", 2)],
             by_seed: Vec::new(),
-            by_target: vec![TargetResults { name: "cuboid".to_owned(), attempts: 8, held: 4, success_rate }],
             plan_ms: Some(Percentiles { p50: 20.5, p90: 31.5, p99: 40.0 }),
-            observe_ms: Some(Percentiles { p50: 50.0, p90: 60.0, p99: 70.5 }),
-            planned_per_attempt_mean: Some(12.5),
         }
     }
 
@@ -315,17 +311,15 @@ name = "```"
         };
         assert_eq!(keys(""), ["about", "results"]);
         assert_eq!(keys("/about"), ["command", "config", "model_id", "versions"]);
-        let wanted = "attempts by_group by_seed by_target endings held objects observe_ms outcomes plan_ms planned_per_trial_mean protocol \
-                      rates removed rounds";
+        let wanted = "attempts by_group by_seed endings held objects outcomes plan_ms protocol rates removed rounds";
         assert_eq!(keys("/results").join(" "), wanted);
         assert_eq!(keys("/results/rates"), ["cleared_share", "rounds_cleared_share", "success_rate"]);
         assert_eq!(keys("/results/endings"), ["cleared", "failures"]);
         assert_eq!(read["results"]["outcomes"]["slipped"], 3);
         assert_eq!(read["results"]["rates"]["success_rate"]["low"], 0.412);
-        assert_eq!(read["results"]["by_target"][0]["name"], "cuboid");
         assert_eq!(read["results"]["plan_ms"]["p50"], 20.5);
         assert_eq!(read["about"]["config"], written.about.config);
-        let order = ["\"protocol\"", "\"rates\"", "\"by_target\"", "\"about\""].map(|key| text.find(key).unwrap());
+        let order = ["\"protocol\"", "\"rates\"", "\"by_group\"", "\"about\""].map(|key| text.find(key).unwrap());
         assert!(order.is_sorted() && text.ends_with("}\n"), "{text}");
     }
 
