@@ -12,11 +12,11 @@ use schema::{Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
 use crate::config::{BuiltIn, Config, Policy};
 use crate::frame::{self, FoundTable};
 use crate::hand::HandVolume;
-use crate::input::{InputError, read_file, refuse};
+use crate::input::{InputError, read_file};
 use crate::judge::JudgeMethod;
 use crate::limits::{Limiter, Walls, WillDo, near_points, object_points, seen_points};
 use crate::method::{Candidates, Method, Request, Stage};
-use crate::observation::{Mask, Observation, PlanOptions, Target, View};
+use crate::observation::{Observation, PlanOptions, Target};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, SegmentedCloud};
 use crate::rank;
 use crate::segment::{Segments, segment};
@@ -194,19 +194,14 @@ impl Planner {
         };
         // The object at a point takes the segments; otherwise the network runs beside the segmentation.
         let mut segments = None;
-        let target_points = match (&options.limits.target, views) {
-            (None, _) => None,
-            (Some(Target::Point(target_m)), _) => {
+        let target_points = options.limits.target.as_ref().map(|target| match target {
+            Target::Point(target_m) => {
                 let (cloud, _) = segments.insert(segment(take(&mut volume.points_m), &self.config));
-                Some(object_points(cloud, *target_m))
+                object_points(cloud, *target_m)
             }
-            (Some(Target::Masks(masks)), Some(views)) => {
-                must_fit(masks, views)?;
-                Some(seen_points(&volume.points_m, views, masks, self.grid.table_z_m))
-            }
-            (Some(Target::Points(target_m)), _) => Some(near_points(&volume.points_m, target_m, table_z_m)),
-            (Some(Target::Masks(_)), None) => return refuse("masks go with views: mask"),
-        };
+            Target::Masks(masks) => seen_points(&volume.points_m, shown, masks, self.grid.table_z_m),
+            Target::Points(target_m) => near_points(&volume.points_m, target_m, table_z_m),
+        });
         let widths = Widths::new(shown, table_z_m, &self.config.gripper);
         let in_sight = |pose: &Pose| !widths.is_out_of_sight(pose);
         let limiter = Limiter::new(&options.limits, &self.config, target_points, walls, &in_sight, will_do);
@@ -344,15 +339,6 @@ struct Seen {
 const TABLE_OFF_M_MAX: f32 = 0.01;
 /// Cosine of the largest tilt of a table.
 const TABLE_COS_MIN: f32 = 0.9;
-
-fn must_fit(masks: &[Option<Mask>], views: &[View]) -> Result<(), InputError> {
-    let fits =
-        |(view, mask): (&View, &Option<Mask>)| mask.as_ref().is_none_or(|mask| mask.len() == view.image.depth_m.len());
-    if masks.len() != views.len() || !views.iter().zip(masks).all(fits) {
-        return refuse("masks must have the sizes of their depth images, one for each view or none: mask");
-    }
-    Ok(())
-}
 
 /// Why there are no grasps: the first stage that no candidate passed.
 fn reason(stages: &[Stage], cloud: &SegmentedCloud) -> String {

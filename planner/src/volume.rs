@@ -41,14 +41,13 @@ pub struct Volume {
 /// Fuses an observation in a workspace; its cloud has a pitch of `params.pitch_m`. For depth images the cloud comes
 /// from a separate, finer TSDF.
 ///
+/// A TSDF must be on the workspace's grid, and an image have its lens's pixels: who reads or takes them sees to it.
+///
 /// # Errors
-/// [`InputError`] for a TSDF on another grid, an image whose size differs from its intrinsics, a viewpoint that cannot
-/// see the workspace, or a cloud that is not a surface.
+/// [`InputError`] for a viewpoint that cannot see the workspace, or a cloud that is not a surface.
 pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParams) -> Result<Volume, InputError> {
-    let (Workspace::Cube(grid) | Workspace::Seen(_, grid)) = workspace;
     match observation {
         Observation::Views(views) => {
-            views.iter().enumerate().try_for_each(|(number, view)| must_fit(number, view))?;
             let mut warnings = Vec::new();
             let views = scaled(views, workspace, params, &mut warnings);
             let above = seen_off_table(workspace, &views);
@@ -64,14 +63,6 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
             Ok(Volume { grid, points_m, fine, reach_m, rendered: Vec::new(), warnings })
         }
         Observation::Tsdf(given) => {
-            let wanted = Lattice::from(*grid);
-            let is_other = (given.lattice.corners_m()[1] - wanted.corners_m()[1]).abs().max_element() > 1e-6;
-            if given.lattice.counts != wanted.counts || is_other {
-                let describe =
-                    |lattice: &Lattice| format!("{}³ voxels in {} m", lattice.counts[0], lattice.corners_m()[1].x);
-                let (wanted, got) = (describe(&wanted), describe(&given.lattice));
-                return refuse(format!("the grid must have {wanted}, got {got}: tsdf"));
-            }
             let points_m = surface_cloud(given, params.pitch_m);
             let (grid, reach_m) = (given.clone(), given.lattice.corners_m());
             Ok(Volume { grid, points_m, fine: None, reach_m, rendered: Vec::new(), warnings: Vec::new() })
@@ -136,20 +127,6 @@ fn far_off(number: usize, factor: f32) -> Option<String> {
              camera's pose, its depth scale and the workspace's height: views[{number}]"
         )
     })
-}
-
-/// Whether an image has its lens's pixels.
-fn must_fit(number: usize, view: &View) -> Result<(), InputError> {
-    let View { image, camera, .. } = view;
-    let lens = camera.intrinsics;
-    let (got, expected) = ([image.width_px, image.height_px], [lens.width_px, lens.height_px]);
-    if got == expected && image.depth_m.len() == got[0] * got[1] {
-        return Ok(());
-    }
-    let [[width, height], [lens_width, lens_height]] = [got, expected];
-    refuse(format!(
-        "the depth image must have the lens's {lens_width} x {lens_height} pixels, got {width} x {height}: views[{number}]"
-    ))
 }
 
 /// A cloud is sparse if its points are further apart than this many times the pitch.
@@ -331,16 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
-        let mut view = level(&Viewpoint { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
-        view.image.width_px = 600;
-        for scale_to_table in [false, true] {
-            let law = CloudParams { scale_to_table, ..LAW };
-            let error = fuse(&Observation::Views(vec![view.clone()]), &PAPER, law).unwrap_err().to_string();
-            assert_eq!(error, "the depth image must have the lens's 640 x 480 pixels, got 600 x 480: views[0]");
-        }
-        let other = VoxelGrid::new(Grid { resolution: 4, ..Grid::PAPER }, vec![0.0; 64]).unwrap();
-        assert!(fuse(&Observation::Tsdf(other), &PAPER, LAW).is_err());
+    fn an_eye_that_cannot_see_the_workspace_is_refused() {
         let inside = Observation::Cloud { points_m: Vec::new(), eyes_m: vec![Vec3::splat(0.1)] };
         let error = fuse(&inside, &PAPER, LAW).unwrap_err().to_string();
         assert!(error.contains("0.3 m to 1000 m from the middle of the workspace's floor"), "{error}");
