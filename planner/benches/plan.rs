@@ -23,7 +23,7 @@ fn views() -> Vec<planner::View> {
 }
 
 fn volume(observation: &Observation) -> Volume {
-    let workspace = Workspace::Cube(Grid::PAPER);
+    let workspace = Workspace::cube(Grid::PAPER);
     fuse(observation, &workspace, config().cloud).expect("what comes with the program is sound")
 }
 

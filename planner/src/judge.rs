@@ -27,7 +27,8 @@ impl Method for JudgeMethod {
             Some(size_m) => [Vec3::ZERO, Vec3::splat(size_m)],
             None => [middle_m - half_m, middle_m + half_m],
         };
-        Workspace::Seen([low_m, high.with_z(self.grid.table_z_m + high_m)], options.workspace(&self.grid))
+        let within_m = Some([low_m, high.with_z(self.grid.table_z_m + high_m)]);
+        Workspace { within_m, grid: options.workspace(&self.grid) }
     }
 
     fn candidates(

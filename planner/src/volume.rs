@@ -14,11 +14,20 @@ use crate::region::Region;
 
 /// Where grasps are looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Workspace {
-    /// In all of a grid, which a network of voxels needs.
-    Cube(Grid),
-    /// In what was seen in a box, its lower and its upper corner in metres; in voxels as a grid has them.
-    Seen([Vec3; 2], Grid),
+pub struct Workspace {
+    /// In what was seen in a box, its lower and its upper corner in metres; otherwise in all of the grid, which a network
+    /// of voxels needs.
+    pub within_m: Option<[Vec3; 2]>,
+    /// The voxels.
+    pub grid: Grid,
+}
+
+impl Workspace {
+    /// All of a grid.
+    #[must_use]
+    pub const fn cube(grid: Grid) -> Self {
+        Self { within_m: None, grid }
+    }
 }
 
 /// A fused observation.
@@ -46,15 +55,14 @@ pub struct Volume {
 /// # Errors
 /// [`InputError`] for a viewpoint that cannot see the workspace, or a cloud that is not a surface.
 pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParams) -> Result<Volume, InputError> {
+    let Workspace { within_m, grid } = workspace;
     match observation {
         Observation::Views(views) => {
             let mut warnings = Vec::new();
             let views = scaled(views, workspace, params, &mut warnings);
             let above = seen_off_table(workspace, &views);
-            let Region { lattice, reach_m } = match workspace {
-                Workspace::Cube(grid) => Region::cube(grid),
-                Workspace::Seen(within_m, grid) => Region::of_views(&above, *within_m, grid),
-            };
+            let seen_in = |within_m| Region::of_views(&above, within_m, grid);
+            let Region { lattice, reach_m } = within_m.map_or_else(|| Region::cube(grid), seen_in);
             let sights = Sights::new(&views);
             let grid = sights.fuse(lattice, TRUNCATION_VOXELS);
             let fine = fuse_finely(&lattice, params, &above, &sights);
@@ -73,8 +81,7 @@ pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParam
 
 /// What views show above the table.
 fn seen_off_table(workspace: &Workspace, views: &[ScaledView<'_>]) -> Vec<Vec<SeenPoint>> {
-    let (Workspace::Cube(grid) | Workspace::Seen(_, grid)) = workspace;
-    views.par_iter().map(|view| seen_above(view, COLUMNS_PX, grid.table_z_m + ROUGH_M)).collect()
+    views.par_iter().map(|view| seen_above(view, COLUMNS_PX, workspace.grid.table_z_m + ROUGH_M)).collect()
 }
 
 /// The finer TSDF of what views show above the table, if the settings want one: the bare table is as good in coarse
@@ -101,10 +108,8 @@ fn scaled<'a>(
     params: CloudParams,
     warnings: &mut Vec<String>,
 ) -> Vec<ScaledView<'a>> {
-    let table = match workspace {
-        Workspace::Cube(grid) => table_around(grid),
-        Workspace::Seen(within_m, grid) => (*within_m, grid.table_z_m),
-    };
+    let Workspace { within_m, grid } = workspace;
+    let table = within_m.map_or_else(|| table_around(grid), |within_m| (within_m, grid.table_z_m));
     let scaled = |View { image, camera, .. }: &'a View| {
         let factor = if params.scale_to_table { depth_factor(image, camera, &table) } else { 1.0 };
         (*camera, image, factor)
@@ -142,17 +147,11 @@ fn fuse_cloud(
     params: CloudParams,
 ) -> Result<Volume, InputError> {
     let pitch_m = params.pitch_m;
-    let region = match workspace {
-        Workspace::Cube(grid) => Region::cube(grid),
-        Workspace::Seen(within_m, grid) => Region::of_points(points_m, *within_m, grid),
-    };
-    let (lattice, reach_m) = (region.lattice, region.reach_m);
-    let mut warnings: Vec<String> = match workspace {
-        Workspace::Cube(grid) => outside(points_m, Region::cube(grid).reach_m),
-        Workspace::Seen(within_m, _) => outside(points_m, [within_m[0].with_z(f32::NEG_INFINITY), within_m[1]]),
-    }
-    .into_iter()
-    .collect();
+    let Workspace { within_m, grid } = workspace;
+    let cube = Region::cube(grid);
+    let Region { lattice, reach_m } = within_m.map_or(cube, |within_m| Region::of_points(points_m, within_m, grid));
+    let box_m = within_m.map_or(cube.reach_m, |[low_m, high_m]| [low_m.with_z(f32::NEG_INFINITY), high_m]);
+    let mut warnings: Vec<String> = outside(points_m, box_m).into_iter().collect();
     let points_m = thinned(points_m, &lattice, pitch_m);
     if points_m.len() > THINNED_MAX {
         let got = points_m.len();
@@ -265,7 +264,7 @@ mod tests {
 
     use super::*;
 
-    const PAPER: Workspace = Workspace::Cube(Grid::PAPER);
+    const PAPER: Workspace = Workspace::cube(Grid::PAPER);
     const LAW: CloudParams = CloudParams { resolution: 40, pitch_m: 0.0025, scale_to_table: false };
 
     fn level(viewpoint: &Viewpoint) -> View {

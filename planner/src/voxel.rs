@@ -31,7 +31,7 @@ pub(crate) struct VoxelMethod {
 
 impl Method for VoxelMethod {
     fn workspace(&self, _: &Config, options: &PlanOptions) -> Workspace {
-        Workspace::Cube(options.workspace(&self.grid))
+        Workspace::cube(options.workspace(&self.grid))
     }
 
     fn candidates(

@@ -237,7 +237,7 @@ fn grasps_without_an_object_are_grasps_all_the_same() {
 #[test]
 fn a_blocked_way_is_a_reason() {
     let planner = generous();
-    let workspace = planner::volume::Workspace::Cube(GRID);
+    let workspace = planner::volume::Workspace::cube(GRID);
     let grid = planner::volume::fuse(&seen(), &workspace, planner.config.cloud).unwrap().grid;
     let mut config = planner.config.clone();
     config.gripper.clearance_m = 0.02;
