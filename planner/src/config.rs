@@ -6,7 +6,7 @@ use network::Kind;
 use perception::{ClusterParams, PlaneParams};
 use schema::Gripper;
 use serde::{Deserialize, Serialize};
-use settings::{Document, Reader, Setting, settings, words};
+use settings::{Document, Reader, settings, words};
 
 /// The settings that come with the program, in the order of [`BuiltIn::ALL`].
 const TEXTS: [&str; BuiltIn::ALL.len()] = [
@@ -17,6 +17,8 @@ const TEXTS: [&str; BuiltIn::ALL.len()] = [
 
 words! {
     /// A way to plan that comes with the program, with its weights.
+    #[derive(Deserialize)]
+    #[serde(rename_all = "kebab-case")]
     pub enum BuiltIn {
         /// A judge answers for proposed hands: the default.
         Judge = "judge",
@@ -184,7 +186,7 @@ impl RankingParams {
 words! {
     /// An order of grasps.
     #[derive(Deserialize)]
-    #[serde(try_from = "String")]
+    #[serde(rename_all = "kebab-case")]
     pub enum Policy {
         /// Objects top-down, in each by Eq. 8.
         Paper = "paper",
@@ -219,14 +221,6 @@ settings! {
         /// and touch none on their way in and out.
         #[serde(skip_serializing_if = "std::ops::Not::not")]
         pub walls: bool; or false,
-    }
-}
-
-impl TryFrom<String> for Policy {
-    type Error = String;
-
-    fn try_from(name: String) -> Result<Self, String> {
-        Self::from_name(&name).ok_or_else(|| format!("policy must be {}, got {name}", <Self as Setting>::kind(&())))
     }
 }
 

@@ -326,7 +326,7 @@ def test_wrong_arguments_are_named_with_rule_and_value(scene, planner, dataset):
     refused("as many cameras", lambda: planner.plan([depth, depth], [camera]))
     refused(r"shape \[N, 3\].*transposed", lambda: planner.plan_cloud(np.zeros((3, 100))))
     refused("between 0 and 1", lambda: planner.plan_tsdf(np.full((40, 40, 40), 2.0)))
-    refused("policy must be", lambda: planner.plan(depth, camera, policy="random"))
+    refused("expected one of.*: policy", lambda: planner.plan(depth, camera, policy="random"))
     refused("grasps_max must be between 1", lambda: planner.plan(depth, camera, grasps_max=0))
     refused("workspace_from_camera must be a pose", lambda: graspmill.Camera(640, 480, 1.0, 1.0, 0.0, 0.0, [[1], [1, 2]]))
     refused("convention", lambda: graspmill.Camera(640, 480, 1.0, 1.0, 0.0, 0.0, np.eye(4), convention="ros"))

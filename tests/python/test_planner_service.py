@@ -48,7 +48,7 @@ def test_a_request_may_name_settings_that_come_with_the_planner(service):
     assert models["judge"] == own and len(set(models.values())) == 3
     body = json.dumps(demo_request() | {"config": "best"}).encode()
     status, _, answer = service.ask("POST", "/v1/plan", body, JSON)
-    assert status == 422 and b"must be one of judge, paper, vgn, got best: config" in answer
+    assert status == 422 and b"expected one of `judge`, `paper`, `vgn`: config" in answer
 
 
 def keys_of(value):

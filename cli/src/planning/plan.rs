@@ -13,6 +13,7 @@ use schema::Grid;
 
 use super::show::{draw_into, page};
 use super::{NetworkArguments, console};
+use crate::parse::one_of;
 
 /// Plan grasps from depth images, a TSDF or a cloud
 #[derive(Debug, Args)]
@@ -79,7 +80,7 @@ pub(crate) struct Arguments {
     eye: Vec<[f64; 3]>,
 
     /// How grasps are ranked: paper, vgn-random or vgn-best [default: the settings']
-    #[arg(long, value_name = "NAME", value_parser = |name: &str| Policy::try_from(name.to_owned()))]
+    #[arg(long, value_name = "NAME", value_parser = one_of!(Policy))]
     policy: Option<Policy>,
 
     /// Most grasps to return [default: all]

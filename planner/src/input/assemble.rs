@@ -42,12 +42,6 @@ pub struct Request {
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
     let mut options = options(input, finds_table(input))?;
     let grid = options.workspace(&grid);
-    let config = input.config.as_deref().map(|name| {
-        let names = BuiltIn::ALL.map(BuiltIn::name).join(", ");
-        let unknown = || InputError::Value(format!("must be one of {names}, got {}: config", shown(name)));
-        BuiltIn::from_name(name).ok_or_else(unknown)
-    });
-    let config = config.transpose()?;
     let mut assembly =
         Assembly { input, folder, base_from_workspace: options.base_from_workspace, warnings: Vec::new() };
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
@@ -67,19 +61,18 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
             refuse(format!("a request must have exactly one of views, tsdf and cloud, got {given}"))
         }
     }?;
-    for (key, is_given) in [
-        ("eyes_m", input.eyes_m.is_some()),
-        ("object", input.object.is_some()),
-        ("workspace_from_cloud", input.workspace_from_cloud.is_some()),
+    let [of_cloud, of_views] = [("cloud", input.cloud.is_some()), ("views", input.views.is_some())];
+    for (key, is_given, (whole, is_there)) in [
+        ("eyes_m", input.eyes_m.is_some(), of_cloud),
+        ("object", input.object.is_some(), of_cloud),
+        ("workspace_from_cloud", input.workspace_from_cloud.is_some(), of_cloud),
+        ("intrinsics", input.intrinsics.is_some(), of_views),
     ] {
-        if is_given && input.cloud.is_none() {
-            return refuse(format!("{key} goes with cloud: {key}"));
+        if is_given && !is_there {
+            return refuse(format!("{key} goes with {whole}: {key}"));
         }
     }
-    if input.intrinsics.is_some() && input.views.is_none() {
-        return refuse("intrinsics goes with views: intrinsics");
-    }
-    Ok(Request { observation, config, options, warnings: assembly.warnings })
+    Ok(Request { observation, config: input.config, options, warnings: assembly.warnings })
 }
 
 /// Whether the table is to be found: `"table"` stands for the pose of the first view, or of the cloud.
@@ -432,7 +425,8 @@ mod tests {
             ("/views", Value::Null, "exactly one of views, tsdf and cloud, got 0"),
             ("/tsdf", base64(b""), "exactly one of views, tsdf and cloud, got 2"),
             ("/eyes_m", json!([[0, 0, 0]]), "eyes_m goes with cloud"),
-            ("/policy", json!("best"), "policy must be one of paper, vgn-random, vgn-best, got best: policy"),
+            ("/policy", json!("best"), "expected one of `paper`, `vgn-random`, `vgn-best`: policy"),
+            ("/config", json!("best"), "unknown variant `best`, expected one of `judge`, `paper`, `vgn`: config"),
             ("/grasps_max", json!(0), "must be between 1 and 10000, got 0: grasps_max"),
             ("/grasps_max", json!(-1), ": grasps_max"),
             ("/avoid", json!([[1]]), ": avoid"),
