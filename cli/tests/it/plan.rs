@@ -110,7 +110,7 @@ fn a_tsdf_and_a_cloud_are_planned_on() {
 fn bad_input_is_named_with_its_place_and_code() {
     let folder = tempfile::tempdir().unwrap();
     let at = |from: &str, to: &str| changed(folder.path(), from, to);
-    refused(&["--views", "nowhere.toml"], 78, "no such file");
+    refused(&["--views", "nowhere.toml"], 78, "failed to read nowhere.toml: ");
     refused(&["--views", &at("fx_px = 540.0", "fx_px = 0.0")], 78, "fx_px");
     refused(&["--views", &at("depth-1.png", "depth-9.png")], 78, "depth-9.png");
     refused(&["--views", &at("position_m", "position")], 78, "workspace_from_camera");

@@ -478,7 +478,7 @@ mod tests {
         assert_eq!(from_file(&write("request.json", &json), Grid::PAPER, |_| ()).unwrap(), wanted);
         assert_eq!(from_file(&write("request", &json), Grid::PAPER, |_| ()).unwrap(), wanted, "by its first byte");
         let said = |name: &str, text: &str| from_file(&write(name, text), Grid::PAPER, |_| ()).unwrap_err().to_string();
-        assert!(said("a.toml", &toml.replace("depth-0", "depth-1")).contains("no such file: "));
+        assert!(said("a.toml", &toml.replace("depth-0", "depth-1")).contains("depth-1.png: "));
         let unknown = said("b.toml", &toml.replace("depth =", "deep ="));
         assert!(unknown.contains("views[0]") && unknown.ends_with("b.toml"), "{unknown}");
         assert!(said("c.toml", &format!("{toml}depth_scale_m = nan\n")).contains("depth_scale_m must be between"));
@@ -487,7 +487,7 @@ mod tests {
             from_file(&folder.path().join("none.toml"), Grid::PAPER, |_| ())
                 .unwrap_err()
                 .to_string()
-                .contains("no such file")
+                .contains("none.toml: ")
         );
     }
 

@@ -191,16 +191,9 @@ impl<'de> Visitor<'de> for SourceVisitor {
 /// [`InputError`], naming the key and the file.
 pub(crate) fn parse_file(path: &Path) -> Result<RequestInput, InputError> {
     let bytes = read_file(path)?;
-    let input = if is_json(path, &bytes) { parse_json(&bytes) } else { parse_toml(&bytes) };
+    let is_json = path.extension().is_some_and(|it| it == "json") || bytes.trim_ascii_start().starts_with(b"{");
+    let input = if is_json { parse_json(&bytes) } else { parse_toml(&bytes) };
     input.map_err(|error| error.at(&path.display().to_string()))
-}
-
-fn is_json(path: &Path, bytes: &[u8]) -> bool {
-    match path.extension().and_then(|extension| extension.to_str()) {
-        Some("json") => true,
-        Some("toml") => false,
-        _ => bytes.trim_ascii_start().starts_with(b"{"),
-    }
 }
 
 /// What JSON says, with only keys and types checked.
