@@ -21,19 +21,11 @@ pub struct Look<'a> {
 }
 
 impl Look<'_> {
-    /// The first camera in the workspace, if the planner knows nothing but its frame.
-    #[must_use]
-    pub fn workspace_from_first(&self) -> Option<Pose> {
-        match self.config.keys.frames {
-            Frames::Given => None,
-            Frames::Found => self.views.first().map(|view| view.camera.workspace_from_camera),
-        }
-    }
-
     /// Puts cameras and hands into the frame that the planner knows. That frame in the workspace, if it is the first
     /// camera's.
     pub fn into_their_frame(&mut self) -> Option<Pose> {
-        let workspace_from_first = self.workspace_from_first()?;
+        let first = self.views.first().filter(|_| self.config.keys.frames == Frames::Found)?;
+        let workspace_from_first = first.camera.workspace_from_camera;
         let in_first = |pose: &mut Pose| *pose = workspace_from_first.inverse() * *pose;
         self.views.iter_mut().for_each(|view| in_first(&mut view.camera.workspace_from_camera));
         self.failed.iter_mut().for_each(in_first);
