@@ -49,7 +49,7 @@ pub use cells::near;
 pub use cloud_view::{NEAR_M, cloud_image, view_from};
 pub use clusters::{ClusterParams, clusters};
 pub use fuse::{COLUMNS_PX, Sights, fuse_images};
-pub use level::{TableArea, depth_factor, scaled_to_table, table_around};
+pub use level::{TableArea, depth_factor, table_around};
 pub use noise::{DepthNoise, DexNoise, EdgeNoise, FlightNoise, Loss, StereoNoise, add_depth_noise};
 pub use normals::normals;
 pub use plane::{FoundPlane, PlaneParams, find_plane};

@@ -4,7 +4,7 @@ use schema::{Camera, DepthImage, Grid, Stream, Vec3, axis_angle};
 use serde::Serialize;
 use settings::{Reader, settings, words};
 
-use crate::{DepthNoise, DexNoise, FlightNoise, StereoNoise, add_depth_noise, scaled_to_table, table_around};
+use crate::{DepthNoise, DexNoise, FlightNoise, StereoNoise, add_depth_noise, depth_factor, table_around};
 
 words! {
     /// A model of a sensor's noise.
@@ -109,8 +109,12 @@ impl<'a> Sensor<'a> {
 
     /// The image as it is fused.
     #[must_use]
-    pub fn corrected(&self, image: DepthImage, camera: &Camera, grid: &Grid) -> DepthImage {
-        if self.params.scale_to_table { scaled_to_table(&image, camera, &table_around(grid)).0 } else { image }
+    pub fn corrected(&self, mut image: DepthImage, camera: &Camera, grid: &Grid) -> DepthImage {
+        if self.params.scale_to_table {
+            let factor = depth_factor(&image, camera, &table_around(grid));
+            image.depth_m.iter_mut().for_each(|depth_m| *depth_m /= factor);
+        }
+        image
     }
 
     /// Where the camera stands that is believed to be `camera`.
