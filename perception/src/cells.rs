@@ -7,21 +7,24 @@
 
 use core::ops::Range;
 
+use rayon::prelude::*;
 use schema::Vec3;
 
 /// Most cubes along a side: wide clouds get wider cubes.
 const SIDE_MAX: f32 = 128.0;
 
-/// Of each point, whether one of `of_m` is within a radius. All must be finite.
+/// Of each point the nearest of `of_m`, the first of equals, if it is within a radius. Those must be finite.
 #[must_use]
-pub fn near(points_m: &[Vec3], of_m: &[Vec3], radius_m: f32) -> Vec<bool> {
+pub fn nearest(points_m: &[Vec3], of_m: &[Vec3], radius_m: f32) -> Vec<Option<usize>> {
     let cells = Cells::new(of_m, radius_m);
-    let is_near =
-        |point_m: &Vec3, index: u32| (of_m[index as usize] - *point_m).length_squared() <= radius_m * radius_m;
-    let is_one_near = |point_m: &Vec3| {
-        cells.around(*point_m).any(|cube| cells.points(cube).iter().any(|index| is_near(point_m, *index)))
+    let of_point = |point_m: &Vec3| {
+        let around = cells.around(*point_m).flat_map(|cube| cells.points(cube));
+        let squares = around.map(|index| ((of_m[*index as usize] - *point_m).length_squared(), *index as usize));
+        // False for NaN.
+        let near = squares.filter(|(square, _)| *square <= radius_m * radius_m);
+        near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, index)| index)
     };
-    points_m.iter().map(is_one_near).collect()
+    points_m.par_iter().with_min_len(64).map(of_point).collect()
 }
 
 /// Points in cubes.

@@ -45,7 +45,7 @@ mod views;
 mod walls;
 
 pub use blocks::{Field, SurfaceBlocks, mean_distance};
-pub use cells::near;
+pub use cells::nearest;
 pub use cloud_view::{NEAR_M, cloud_image, view_from};
 pub use clusters::{ClusterParams, clusters};
 pub use fuse::{COLUMNS_PX, Sights, fuse_images};

@@ -2,14 +2,14 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use perception::{Wall, near, walls};
+use perception::{Wall, nearest, walls};
 use rayon::prelude::*;
 use schema::{HandBox, Plane, Pose, Vec3};
 
 use crate::config::Config;
 use crate::hand::HandVolume;
 use crate::observation::{Cone, Limits, Mask, View};
-use crate::plan::{Limit, PointLabel, SegmentedCloud};
+use crate::plan::{Limit, SegmentedCloud};
 
 /// A point of the surface is what a pixel shows if their depths differ by no more than this.
 const SAME_M: f32 = 0.015;
@@ -204,8 +204,9 @@ pub(crate) fn seen_points(points_m: &[Vec3], views: &[View], masks: &[Option<Mas
 /// The points of a surface off the table that are a target's, by points of it, and the others.
 pub(crate) fn near_points(points_m: &[Vec3], target_m: &[Vec3], table_z_m: f32) -> [Vec<Vec3>; 2] {
     let off_table: Vec<Vec3> = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M).collect();
-    let is_near = near(&off_table, target_m, TARGET_POINT_M);
-    let of = |wanted: bool| off_table.iter().zip(&is_near).filter(move |(_, is)| **is == wanted).map(|(at, _)| *at);
+    let near = nearest(&off_table, target_m, TARGET_POINT_M);
+    let of =
+        |wanted: bool| off_table.iter().zip(&near).filter(move |(_, it)| it.is_some() == wanted).map(|(at, _)| *at);
     [of(true).collect(), of(false).collect()]
 }
 
@@ -239,8 +240,8 @@ impl Walls {
         things_m.retain(|at| !walls.iter().any(|wall| wall.is_behind(*at)));
         // Things hide parts of walls.
         let faces_m: Vec<Vec3> = walls.iter().flat_map(|wall| wall.face_m(table_z_m)).collect();
-        let is_shown = near(&faces_m, &walls_m, FACE_M);
-        walls_m.extend(faces_m.iter().zip(is_shown).filter(|(_, is_shown)| !is_shown).map(|(at, _)| *at));
+        let shown = nearest(&faces_m, &walls_m, FACE_M);
+        walls_m.extend(faces_m.iter().zip(shown).filter(|(_, shown)| shown.is_none()).map(|(at, _)| *at));
         Self { things_m, walls_m, board }
     }
 }
@@ -248,16 +249,10 @@ impl Walls {
 /// The points of the object at a point, and those of everything else but the table. Without an object near it there are
 /// none of it.
 pub(crate) fn object_points(cloud: &SegmentedCloud, target_m: Vec3) -> [Vec<Vec3>; 2] {
-    let of_objects = || {
-        cloud.points_m.iter().zip(&cloud.labels).filter_map(|(point_m, label)| match label {
-            PointLabel::Object(object) => Some((*point_m, *object)),
-            PointLabel::Plane | PointLabel::Noise => None,
-        })
-    };
-    let nearest = of_objects().min_by(|a, b| (a.0 - target_m).length().total_cmp(&(b.0 - target_m).length()));
+    let nearest = cloud.of_objects().min_by(|a, b| (a.0 - target_m).length().total_cmp(&(b.0 - target_m).length()));
     let chosen =
         nearest.filter(|(point_m, _)| (*point_m - target_m).length() <= TARGET_NEAR_M).map(|(_, object)| object);
-    let (target, others): (Vec<_>, Vec<_>) = of_objects().partition(|(_, object)| Some(*object) == chosen);
+    let (target, others): (Vec<_>, Vec<_>) = cloud.of_objects().partition(|(_, object)| Some(*object) == chosen);
     [target, others].map(|points| points.into_iter().map(|(point_m, _)| point_m).collect())
 }
 

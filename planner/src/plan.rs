@@ -120,6 +120,16 @@ pub struct SegmentedCloud {
     pub plane: Option<FoundPlane>,
 }
 
+impl SegmentedCloud {
+    /// The points of objects, each with its object.
+    pub(crate) fn of_objects(&self) -> impl Iterator<Item = (Vec3, usize)> {
+        self.points_m.iter().zip(&self.labels).filter_map(|(point_m, label)| match label {
+            PointLabel::Object(object) => Some((*point_m, *object)),
+            PointLabel::Plane | PointLabel::Noise => None,
+        })
+    }
+}
+
 /// A plane: normal · x = offset, in the workspace.
 #[derive(Serialize)]
 struct PlaneAnswer {

@@ -2,11 +2,11 @@
 
 use core::cmp::Ordering;
 
-use rayon::prelude::*;
+use perception::nearest;
 use schema::{Stream, Vec3};
 
 use crate::config::{Policy, RankingParams};
-use crate::plan::{ObjectCluster, PointLabel, RankedGrasp, SegmentedCloud};
+use crate::plan::{ObjectCluster, RankedGrasp, SegmentedCloud};
 
 /// A grasp whose width was seen goes before one that is this much surer: a hand can then be opened to fit.
 const AS_SURE: f32 = 0.02;
@@ -18,65 +18,21 @@ pub fn rho_m(position_m: Vec3, centroid_m: Vec3, quality: f32, weights: [f32; 3]
     (Vec3::from_array(weights) * off * off).element_sum().sqrt() / quality
 }
 
-/// Points that are held against a grasp together.
-const LANES: usize = 8;
-
-/// The points of objects, by coordinate, in runs; the last one ends with points that are nowhere.
-struct ObjectPoints {
-    runs: Vec<[[f32; LANES]; 3]>,
-    objects: Vec<usize>,
-}
-
-impl ObjectPoints {
-    fn of(cloud: &SegmentedCloud) -> Self {
-        let (mut runs, mut objects) = (Vec::new(), Vec::new());
-        for (point_m, label) in cloud.points_m.iter().zip(&cloud.labels) {
-            if let PointLabel::Object(object) = label {
-                let lane = objects.len() % LANES;
-                if lane == 0 {
-                    runs.push([[f32::INFINITY; LANES]; 3]);
-                }
-                if let Some(run) = runs.last_mut() {
-                    (0..3).for_each(|axis| run[axis][lane] = point_m[axis]);
-                }
-                objects.push(*object);
-            }
-        }
-        Self { runs, objects }
-    }
-
-    /// The object of the nearest point, the first of equals, if that is at most `distance_m_max` away.
-    fn object_at(&self, position_m: Vec3, distance_m_max: f32) -> Option<usize> {
-        // Without branches, which the compiler vectorises.
-        let (mut squares, mut places) = ([f32::INFINITY; LANES], [0_u32; LANES]);
-        for (place, [x_m, y_m, z_m]) in (0..).zip(&self.runs) {
-            for lane in 0..LANES {
-                let square = (Vec3::new(x_m[lane], y_m[lane], z_m[lane]) - position_m).length_squared();
-                let is_nearer = square < squares[lane];
-                squares[lane] = if is_nearer { square } else { squares[lane] };
-                places[lane] = if is_nearer { place } else { places[lane] };
-            }
-        }
-        let ends = (0..LANES).map(|lane| (squares[lane], places[lane] as usize * LANES + lane));
-        let (square, point) = ends.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
-        (square <= distance_m_max * distance_m_max).then(|| self.objects.get(point).copied()).flatten()
-    }
-}
-
-/// Assigns each grasp its object and ρ.
+/// Assigns each grasp its object, that of the nearest point, and ρ.
 pub(crate) fn attribute(
     grasps: &mut [RankedGrasp],
     cloud: &SegmentedCloud,
     objects: &[ObjectCluster],
     params: &RankingParams,
 ) {
-    let points = ObjectPoints::of(cloud);
-    grasps.par_iter_mut().for_each(|ranked| {
-        let position_m = ranked.workspace_from_grasp.translation;
-        ranked.object = points.object_at(position_m, params.object_distance_m_max);
+    let (points_m, numbers): (Vec<Vec3>, Vec<usize>) = cloud.of_objects().unzip();
+    let tips_m: Vec<Vec3> = grasps.iter().map(|ranked| ranked.workspace_from_grasp.translation).collect();
+    let nearest = nearest(&tips_m, &points_m, params.object_distance_m_max);
+    for ((ranked, tips_m), nearest) in grasps.iter_mut().zip(tips_m).zip(nearest) {
+        ranked.object = nearest.map(|point| numbers[point]);
         ranked.rho_m =
-            ranked.object.map(|object| rho_m(position_m, objects[object].centroid_m, ranked.quality, params.weights));
-    });
+            ranked.object.map(|object| rho_m(tips_m, objects[object].centroid_m, ranked.quality, params.weights));
+    }
 }
 
 /// Sorts grasps, whose widths were measured, by the policy, best first. Equal grasps keep the order of their voxels.
@@ -107,6 +63,7 @@ mod tests {
 
     use super::*;
     use crate::BuiltIn;
+    use crate::plan::PointLabel;
 
     fn grasp(position_m: [f32; 3], quality: f32) -> RankedGrasp {
         let workspace_from_grasp = pose_from_parts(Quat::IDENTITY, Vec3::from_array(position_m));
