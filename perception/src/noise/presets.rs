@@ -67,13 +67,10 @@ impl StereoNoise {
         focal_px: 674.0,
         baseline_m: 0.018,
         seen_from_m: [0.018, 0.0],
-        has_band: true,
-        subpixel_std_px: 0.08,
-        smooth_cell_px: [3.5, 3.5],
-        disparity_step_px: 1.0 / 32.0,
         depth_step_m: 0.0001,
         edges: EdgeNoise { fattening_px: [3.2, 0.7], hole_px: 2.2, ragged_px: 1.5 },
-        loss: Loss { share: 0.001, per_secant: 1.22, patch_px: 4.0 },
+        loss: Loss { patch_px: 4.0, ..Self::D435_REAL.loss },
+        ..Self::D435
     };
 
     /// Microsoft Kinect of 2010, as OpenNI gives it: depth in the colour camera's place.
@@ -119,7 +116,7 @@ impl StereoNoise {
         disparity_step_px: 0.0,
         depth_step_m: 0.0,
         edges: EdgeNoise::NONE,
-        loss: Loss { share: 0.001, per_secant: 1.22, patch_px: 4.0 },
+        loss: Self::D405.loss,
     };
 }
 
@@ -142,6 +139,6 @@ impl FlightNoise {
         invalid_share: 0.2,
         view_rad: 0.70,
         depth_step_m: 0.001,
-        loss: Loss { share: 0.001, per_secant: 1.22, patch_px: 4.0 },
+        loss: StereoNoise::D405.loss,
     };
 }
