@@ -93,9 +93,5 @@ fn in_threads(
         let panicked = |_| Err(Failure::new(ExitCode::Internal, "a round ended in a defect of the program"));
         Ok::<_, Failure>(workers.into_iter().map(|worker| worker.join().unwrap_or_else(panicked)).collect())
     })?;
-    let mut rounds = Vec::new();
-    for played in all {
-        rounds.extend(played?);
-    }
-    Ok(rounds)
+    Ok(all.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
 }
