@@ -13,7 +13,7 @@ use crate::frame::FoundTable;
 pub const FORMAT: &str = "graspmill-plan/3";
 
 /// A grasp: +z approach, +y closing, origin midway between the finger tips' ends.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct RankedGrasp {
     /// 1 is the best.
     pub rank: usize,
@@ -58,22 +58,7 @@ impl RankedGrasp {
     /// A grasp of this width and quality that is not ranked yet.
     #[must_use]
     pub fn new(workspace_from_grasp: Pose, width_m: Option<f32>, quality: f32, voxel: Option<[usize; 3]>) -> Self {
-        Self {
-            rank: 0,
-            workspace_from_grasp,
-            camera_from_grasp: None,
-            base_from_grasp: None,
-            workspace_from_flange: None,
-            base_from_flange: None,
-            width_m,
-            width_seen_share: None,
-            opening_m: 0.0,
-            quality,
-            robustness: None,
-            object: None,
-            rho_m: None,
-            voxel,
-        }
+        Self { workspace_from_grasp, width_m, quality, voxel, ..Self::default() }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::panic::catch_unwind;
 
-use png::{ColorType, Transformations};
+use png::Transformations;
 use schema::ColorImage;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -38,13 +38,8 @@ fn read_png(bytes: &[u8]) -> Result<ColorImage, InputError> {
         check_size([header.width, header.height].map(|px| px as usize))?;
         Ok(Transformations::EXPAND | Transformations::STRIP_16)
     })?;
-    let pixels = match frame.color_type {
-        ColorType::Grayscale => values.into_iter().map(|grey| [grey; 3]).collect(),
-        ColorType::GrayscaleAlpha => values.as_chunks::<2>().0.iter().map(|[grey, _]| [*grey; 3]).collect(),
-        ColorType::Rgba => values.as_chunks::<4>().0.iter().map(|[rgb @ .., _]| *rgb).collect(),
-        // Palettes were expanded.
-        ColorType::Rgb | ColorType::Indexed => values.as_chunks::<3>().0.to_vec(),
-    };
+    let rgb = |pixel: &[u8]| if let [red, green, blue, ..] = *pixel { [red, green, blue] } else { [pixel[0]; 3] };
+    let pixels = values.chunks_exact(frame.color_type.samples()).map(rgb).collect();
     Ok(ColorImage { width_px: frame.width as usize, height_px: frame.height as usize, pixels })
 }
 
@@ -86,7 +81,7 @@ fn damaged(reason: &dyn std::fmt::Display) -> InputError {
 mod tests {
     use base64::Engine as _;
     use base64::engine::general_purpose::STANDARD;
-    use png::BitDepth;
+    use png::{BitDepth, ColorType};
 
     use super::*;
 
