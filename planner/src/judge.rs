@@ -11,24 +11,17 @@ use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::timing::{Timings, timed};
 use crate::volume::Workspace;
 
-/// A judge, and the workspace in which it was trained.
-#[derive(Debug)]
-pub(crate) struct JudgeMethod {
-    pub(crate) judge: Judge,
-    pub(crate) grid: Grid,
-}
-
-impl Method for JudgeMethod {
+impl Method for Judge {
     fn workspace(&self, config: &Config, options: &PlanOptions) -> Workspace {
         let [wide_m, deep_m, high_m] = config.judge.reach_m;
-        let (half_m, middle_m) = (0.5 * Vec3::new(wide_m, deep_m, 0.0), 0.5 * self.grid.size_m);
+        let (half_m, middle_m) = (0.5 * Vec3::new(wide_m, deep_m, 0.0), 0.5 * Grid::PAPER.size_m);
         let middle_m = Vec3::new(middle_m, middle_m, 0.0);
         let [low_m, high] = match options.workspace_size_m {
             Some(size_m) => [Vec3::ZERO, Vec3::splat(size_m)],
             None => [middle_m - half_m, middle_m + half_m],
         };
-        let within_m = Some([low_m, high.with_z(self.grid.table_z_m + high_m)]);
-        Workspace { within_m, grid: options.workspace(&self.grid) }
+        let within_m = Some([low_m, high.with_z(Grid::PAPER.table_z_m + high_m)]);
+        Workspace { within_m, grid: options.workspace(&Grid::PAPER) }
     }
 
     fn candidates(
@@ -60,7 +53,7 @@ impl Method for JudgeMethod {
             };
             let search =
                 Search { proposals, asked, apart_m, about_m: &about_m, are_wanted: &are_wanted, better: &centred };
-            self.judge.scored_grasps(seen, &search, &mut stream)
+            self.scored_grasps(seen, &search, &mut stream)
         };
         let epsilon = config.detection.quality_min;
         let (judged, proposed) = timed(timings_ms, "judge", || {

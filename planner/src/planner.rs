@@ -13,7 +13,6 @@ use crate::config::{BuiltIn, Config, Policy};
 use crate::frame::{self, FoundTable};
 use crate::hand::HandVolume;
 use crate::input::{InputError, read_file};
-use crate::judge::JudgeMethod;
 use crate::limits::{Limiter, Walls, WillDo, near_points, object_points, seen_points};
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::{Observation, PlanOptions, Target};
@@ -121,7 +120,7 @@ impl Planner {
     }
 
     fn from_bytes(file: &[u8], path: &Path, config: Config) -> Result<Self, Failure> {
-        let (checkpoint, grid) = (checkpoint::from_bytes(file, path)?, Grid::PAPER);
+        let checkpoint = checkpoint::from_bytes(file, path)?;
         let (needed, got) = (config.network.network_kind(), checkpoint.architecture.kind());
         if got != needed {
             let what =
@@ -131,14 +130,11 @@ impl Planner {
         let method: Arc<dyn Method> = match &checkpoint.architecture {
             Architecture::Voxel(VoxelParams { head, upsampling, origin }) => {
                 let network = DenseNetwork::new(&checkpoint.vector, *upsampling, *head);
-                Arc::new(VoxelMethod { network, origin: *origin, grid })
+                Arc::new(VoxelMethod { network, origin: *origin })
             }
-            Architecture::Judge(_) => {
-                Arc::new(JudgeMethod { judge: Judge::new(&checkpoint, &config.gripper, &grid)?, grid })
-            }
+            Architecture::Judge(_) => Arc::new(Judge::new(&checkpoint, &config.gripper, &Grid::PAPER)?),
         };
-        let model_id = checkpoint::digest(file);
-        Ok(Self { method, model_id, config, grid, warning: None })
+        Ok(Self { method, model_id: checkpoint::digest(file), config, grid: Grid::PAPER, warning: None })
     }
 
     /// Plans grasps. An empty scene, or one without a good grasp, gives a plan without grasps that says why.

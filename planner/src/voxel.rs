@@ -25,13 +25,11 @@ use detect::{Detected, Detection, Side, detect};
 pub(crate) struct VoxelMethod {
     pub(crate) network: DenseNetwork,
     pub(crate) origin: GraspOrigin,
-    /// The workspace in which it was trained.
-    pub(crate) grid: Grid,
 }
 
 impl Method for VoxelMethod {
     fn workspace(&self, _: &Config, options: &PlanOptions) -> Workspace {
-        Workspace::cube(options.workspace(&self.grid))
+        Workspace::cube(options.workspace(&Grid::PAPER))
     }
 
     fn candidates(
@@ -41,7 +39,7 @@ impl Method for VoxelMethod {
         request: &Request<'_>,
         timings_ms: &mut Timings,
     ) -> Candidates {
-        let (grid, params) = (&request.options.workspace(&self.grid), &request.config.detection);
+        let (grid, params) = (&request.options.workspace(&Grid::PAPER), &request.config.detection);
         let values = &seen.field.values;
         let grids = timed(timings_ms, "network", || self.network.infer_over(grid.resolution, values));
         let detected: Detected = timed(timings_ms, "detect", || {
