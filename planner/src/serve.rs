@@ -162,12 +162,13 @@ fn serve_shared(shared: &Arc<Shared>, stop: &AtomicBool, on_listening: &dyn Fn(S
 
 async fn listen(shared: &Arc<Shared>, stop: &AtomicBool, on_listening: &dyn Fn(SocketAddr)) -> Result<(), Failure> {
     let options = &shared.options;
-    let address = options.address()?;
+    let ServeOptions { host, port, .. } = options;
     let refused = |error: io::Error| {
         let is_in_use = error.kind() == io::ErrorKind::AddrInUse;
         let code = if is_in_use { ExitCode::TryAgain } else { ExitCode::Config };
-        Failure::new(code, format!("failed to listen: {error}: {address}"))
+        Failure::new(code, format!("failed to listen: {error}: {host}, port {port}"))
     };
+    let address = (host.trim_start_matches('[').trim_end_matches(']'), *port);
     let mut listener = TcpListener::bind(address).await.map_err(refused)?;
     on_listening(listener.local_addr().map_err(refused)?);
     let (routes, places) = (routes(shared), Arc::new(Semaphore::new(CONNECTIONS_MAX as usize)));

@@ -1,9 +1,7 @@
 //! What a caller sets: address and limits.
 
-use std::net::{SocketAddr, ToSocketAddrs};
 use std::time::Duration;
 
-use program::{ExitCode, Failure};
 use schema::{Mat3, Quat, Vec3};
 use settings::words;
 
@@ -52,19 +50,5 @@ impl GraspFrame {
         };
         let [x, y, z] = columns;
         Quat::from_mat3(&Mat3::from_cols(x, y, z))
-    }
-}
-
-impl ServeOptions {
-    /// The first address of the host.
-    pub(super) fn address(&self) -> Result<SocketAddr, Failure> {
-        let host = &self.host;
-        let unknown = |reason: &str| {
-            Failure::new(ExitCode::Config, format!("--host must be an address or its name, got {host}: {reason}"))
-        };
-        let mut found = (host.trim_start_matches('[').trim_end_matches(']'), self.port)
-            .to_socket_addrs()
-            .map_err(|e| unknown(&e.to_string()))?;
-        found.next().ok_or_else(|| unknown("it has no address"))
     }
 }
