@@ -254,10 +254,4 @@ mod tests {
             parse_toml(b"[[views]]\ndepth = \"a\"\nworkspace_from_camera = [[1, 0, 0]]").unwrap_err().to_string();
         assert_eq!(toml, "must have 4 numbers, got 3: views[0].workspace_from_camera[0]");
     }
-
-    #[test]
-    fn a_files_language_is_known_by_its_name_then_by_its_first_byte() {
-        assert!(is_json(Path::new("a.json"), b"") && !is_json(Path::new("a.toml"), b"{"));
-        assert!(is_json(Path::new("a"), b" \n{") && !is_json(Path::new("a"), b"views"));
-    }
 }
