@@ -6,7 +6,7 @@
 
 Each process reads its own scenes. Rank 0 writes a checkpoint every few steps; with --resume a run goes on at its checkpoint,
 and ends as if it had never stopped. Without the variable, processes that torchrun starts again may find the addresses of the
-old ones (PyTorch's issue 135712). docs/cluster.md has the commands for Slurm, Kubernetes and Ray.
+old ones (PyTorch's issue 135712). docs/cluster.md has the commands for Slurm and Kubernetes.
 """
 
 import argparse
