@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Executes the grasps of an experiment again in PyBullet, and compares how they end.
 
-    python scripts/judge_pybullet.py DIR [--rounds N] [--jobs N] [--report F.md] [--json F.json]
+    python scripts/judge_pybullet.py DIR [--rounds N] [--report F.md] [--json F.json]
 
 DIR is the folder of `graspmill experiment run CONFIG --out DIR`. Reads only the tables and JSON files there; the report goes to stdout.
 """

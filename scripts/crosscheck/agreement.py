@@ -27,10 +27,14 @@ class Agreement:
         return 1 - self.disagreeing / self.count if self.count else float("nan")
 
     def as_json(self) -> dict:
-        """For the JSON report; NaN becomes null."""
+        """For the JSON report."""
         values = {"share": self.share, "kappa": self.kappa, "kappa_low": self.low, "kappa_high": self.high}
-        finite = {key: (value if np.isfinite(value) else None) for key, value in values.items()}
-        return {"count": self.count, "disagreeing": self.disagreeing, **finite}
+        return {"count": self.count, "disagreeing": self.disagreeing, **finite(values)}
+
+
+def finite(values: dict[str, float]) -> dict[str, float | None]:
+    """Numbers as JSON has them: NaN becomes null."""
+    return {key: value if np.isfinite(value) else None for key, value in values.items()}
 
 
 def kappas(cells: np.ndarray) -> np.ndarray:

@@ -70,9 +70,6 @@ class Engine(Protocol):
     def grips(self, target: int) -> bool:
         """Whether both fingers press on an object."""
 
-    def sunk_m(self, target: int) -> float:
-        """Deepest overlap of a finger with an object."""
-
     def nearest(self, target: int, reach_m: float) -> str | None:
         """What the hand comes nearer to than `reach_m`: target, other, container, table; None if nothing."""
 
@@ -114,14 +111,14 @@ class Runner:
         width = self._close()
         if width <= procedure.empty_width_m:
             return Execution("empty", None, width)
-        closed, sunk = engine.positions_m(), engine.sunk_m(attempt.target)
+        closed = engine.positions_m()
         pushed = self._pushed(attempt, pose, before, closed)
         held, travel = self._retreat_and_hold(attempt.target, pose, closed[attempt.target])
         if not held:
-            return Execution("slipped", None, width, travel, sunk)
+            return Execution("slipped", None, width, travel)
         width = self._width_m()
         hit = pushed or self._raised(attempt, before) or self._lifted_into_fixture(pose)
-        return Execution("hit_other" if hit else "held", hit, width, travel, sunk)
+        return Execution("hit_other" if hit else "held", hit, width, travel)
 
     def _retreat(self, pose: Pose) -> np.ndarray:
         covered = gate.is_covered(self._scene.fixtures, pose)

@@ -36,12 +36,11 @@ STABLE_SHARE = 0.9
 
 @dataclass(frozen=True)
 class BulletOptions:
-    """Settings that may matter. `backwards` adds the objects in reverse order."""
+    """Settings that may matter."""
 
     step_rate_hz: float = 240.0
     solver_iterations: int = 200
     margin_m: float = 1e-4
-    backwards: bool = False
 
 
 def stable_rate_hz(rate_hz: float, finger_mass_kg: float) -> float:
@@ -79,17 +78,15 @@ class Bullet:
 
     def begin(self, workspace_from_grasp: Pose | None, retreat: np.ndarray | None) -> None:
         """A fresh world, built from the stored rows; without a hand if there is no pose."""
-        c, options = self.client, self.options
+        c = self.client
         pybullet.resetSimulation(physicsClientId=c)
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=1 / self.step_rate_hz, numSolverIterations=options.solver_iterations, physicsClientId=c
+            fixedTimeStep=1 / self.step_rate_hz, numSolverIterations=self.options.solver_iterations, physicsClientId=c
         )
         pybullet.setGravity(0, 0, -self._environment.gravity_m_s2, physicsClientId=c)
         self._table = self._add_table()
         self._fixtures = [self._add_fixture(part) for part in self._scene.fixtures]
-        order = range(len(self._scene.objects))
-        added = {i: self._add_object(self._scene.objects[i]) for i in (reversed(order) if options.backwards else order)}
-        self.bodies = [added[i] for i in order]
+        self.bodies = [self._add_object(one) for one in self._scene.objects]
         self._hand = None
         if workspace_from_grasp is not None:
             self._add_hand(workspace_from_grasp, retreat)
@@ -258,11 +255,6 @@ class Bullet:
             any(point[9] > 0 for point in pybullet.getContactPoints(body, self._hand, linkIndexB=finger, physicsClientId=self.client))
             for finger in (LEFT, RIGHT)
         )  # fmt: skip
-
-    def sunk_m(self, target: int) -> float:
-        """Deepest overlap of a finger with an object."""
-        points = pybullet.getContactPoints(self.bodies[target], self._hand, physicsClientId=self.client)
-        return max([0.0, *(-point[8] for point in points if point[4] != PALM)])
 
     def nearest(self, target: int, reach_m: float) -> str | None:
         """What the hand comes nearer to than `reach_m`, by Bullet's own distance query."""

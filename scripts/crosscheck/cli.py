@@ -10,16 +10,16 @@ from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
 
-from . import ceiling, dataset, engines, ours, passes
+from . import dataset, engines, passes
 from .compare import Rows, compare, compare_gate, compare_passes, rows_of
-from .report import EngineReport, Report, as_json, markdown, terminal
+from .report import EngineReport, Report, as_json, markdown, summary
 
 OK, DATA, CONFIG = 0, 65, 78
 
 EPILOG = """\
 examples:
   python scripts/crosscheck.py data/grasps --scenes 50
-  python scripts/crosscheck.py data/grasps --engine all --ceiling --report runs/parity.md --json runs/parity.json
+  python scripts/crosscheck.py data/grasps --engine all --report runs/parity.md --json runs/parity.json
 
 exit codes:
    0  done (whatever the agreement)
@@ -36,11 +36,9 @@ def main(arguments: list[str] | None = None) -> int:
     def work() -> None:
         data = dataset.read(args.dataset, args.scenes)
         names = list(engines.ENGINES) if args.engine == "all" else [args.engine]
-        report = run(data, names, args.seed, args.ceiling, command("crosscheck", arguments))
-        if args.generator:
-            report.ours = ours.clocked(args.generator, args.dataset, len(data.scenes), len(report.rows.attempts))
+        report = run(data, names, args.seed, command("crosscheck", arguments))
         write({args.report: markdown(report), args.json: json.dumps(as_json(report), indent=1) + "\n"})
-        print(terminal(report))
+        print(summary(report))
 
     return guarded("crosscheck", work)
 
@@ -52,7 +50,7 @@ def guarded(program: str, work: Callable[[], None]) -> int:
         return OK
     except dataset.DamagedDataset as error:
         code, why = DATA, str(error)
-    except (dataset.NoDataset, ours.GeneratorFailed) as error:
+    except dataset.NoDataset as error:
         code, why = CONFIG, str(error)
     except ModuleNotFoundError as error:
         code, why = CONFIG, f"{error}; pip install -r scripts/requirements.txt"
@@ -81,11 +79,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("dataset", type=Path, help="folder of the dataset")
     parser.add_argument("--scenes", type=positive, metavar="N", help="only the first N scenes [default: all]")
     parser.add_argument("--engine", choices=[*engines.ENGINES, "all"], default="pybullet", help="[default: pybullet]")
-    parser.add_argument("--ceiling", action="store_true", help="also compare the engine with itself")
     parser.add_argument("--report", type=Path, metavar="F.md", help="write a report")
-    parser.add_argument("--generator", type=Path, metavar="BIN", help="also time this generator on the same attempts")
     parser.add_argument("--json", type=Path, metavar="F.json", help="write everything as JSON")
-    parser.add_argument("--seed", type=int, default=1, help="of bootstrap and displacements [default: 1]")
+    parser.add_argument("--seed", type=int, default=1, help="of the bootstrap [default: 1]")
     return parser
 
 
@@ -97,30 +93,25 @@ def positive(text: str) -> int:
     return value
 
 
-def run(data: dataset.Dataset, names: list[str], seed: int, with_ceiling: bool, said: str = "") -> Report:
+def run(data: dataset.Dataset, names: list[str], seed: int, said: str = "") -> Report:
     """All passes of all engines, compared."""
     rows = rows_of(data)
     report = Report(said, data, rows, compare_gate(rows, passes.gate_pass(data)), {})
     for name in names:
-        report.engines[name] = _examine(data, rows, name, seed, with_ceiling)
+        report.engines[name] = _examine(data, rows, name, seed)
     if len(names) > 1:
         _add_third(report, rows, seed)
     return report
 
 
-def _examine(data: dataset.Dataset, rows: Rows, name: str, seed: int, with_ceiling: bool) -> EngineReport:
+def _examine(data: dataset.Dataset, rows: Rows, name: str, seed: int) -> EngineReport:
     engine = engines.make(name)
     drift = passes.drift(data, engine)
     same = passes.same_gate(f"{name}, same gate", data, engine)
     own = passes.own_approach(f"{name}, own approach", data, engine)
     described = engines.describe(engine)
     engine.close()
-    found = EngineReport(
-        described, same, own, compare(rows, same, seed), compare(rows, own, seed), drift
-    )
-    if with_ceiling:
-        found.ceiling = ceiling.measure(data, rows, name, engine.step_rate_hz, same, seed)
-    return found
+    return EngineReport(described, same, own, compare(rows, same, seed), compare(rows, own, seed), drift)
 
 
 def _add_third(report: Report, rows: Rows, seed: int) -> None:

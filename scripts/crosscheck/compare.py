@@ -53,9 +53,7 @@ class Comparison:
     by_angle: dict[str, Agreement]
     closing_by_shape: dict[str, Agreement]
     width: WidthError
-    sunk_m: np.ndarray
     attempts_per_s: float
-    simulated_per_s: float
 
 
 def rows_of(dataset: Dataset) -> Rows:
@@ -89,9 +87,7 @@ def compare(rows: Rows, theirs: Pass, seed: int) -> Comparison:
         by_angle=by([_angle_bin(a) for a in rows.attempts], everything),
         closing_by_shape=by(shapes, closing),
         width=_width_error(rows, theirs),
-        sunk_m=np.array([e.sunk_m for e in theirs.executions if np.isfinite(e.sunk_m)]),
         attempts_per_s=len(outcomes) / theirs.seconds,
-        simulated_per_s=theirs.simulated / theirs.seconds,
     )
 
 

@@ -155,15 +155,13 @@ class Scene:
 class Execution:
     """How an attempt ended. `hit` is target, other, container or table; `width_m` is NaN if the hand never closed.
 
-    `travel_m`: how far the target came along the retreat. `sunk_m`: deepest overlap of a finger with the target after
-    closing.
+    `travel_m`: how far the target came along the retreat.
     """
 
     outcome: str
     hit: str | None = None
     width_m: float = float("nan")
     travel_m: float = float("nan")
-    sunk_m: float = float("nan")
 
 
 def steps(time_s: float, step_rate_hz: float) -> int:

@@ -41,13 +41,3 @@ def describe(engine: Engine) -> dict:
     """Engine, version and settings, for the report; the step rate is that of the hand that was loaded last."""
     name, settings = engine.name, {**vars(engine.options), "step_rate_hz": engine.step_rate_hz}
     return {"engine": name, "version": version(name), "settings": settings}
-
-
-def variants(name: str, rate: float) -> list[tuple[str, dict]]:
-    """What an engine that steps at `rate` Hz is compared with to find its own noise: a name, and the options that differ."""
-    found = [("objects added in reverse order", {"backwards": True}), (f"{2 * rate:.0f} Hz", {"step_rate_hz": 2 * rate})]
-    if name == "pybullet":
-        found.append(("50 solver iterations (its default)", {"solver_iterations": 50}))
-    if name == "mujoco":
-        found.append(("2000 Hz, much stiffer contacts", STIFF))
-    return found

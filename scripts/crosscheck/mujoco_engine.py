@@ -31,7 +31,6 @@ class MujocoOptions:
     impedance: float = 0.99
     friction_stiffness: float = 10.0
     noslip_iterations: int = 10
-    backwards: bool = False
 
 
 class Mujoco:
@@ -132,10 +131,6 @@ class Mujoco:
         """Whether both fingers press on an object."""
         return all(any(self._normal_force_n(c) > 0 for c in self._contacts(finger, target)) for finger in self._finger_geoms)
 
-    def sunk_m(self, target: int) -> float:
-        """Deepest overlap of a finger with an object."""
-        return max([0.0, *(-self._data.contact[c].dist for f in self._finger_geoms for c in self._contacts(f, target))])
-
     def _contacts(self, finger: int, target: int) -> list[int]:
         pairs = [{finger, geom} for geom in self._geoms[target]]
         return [c for c in range(self._data.ncon) if {*self._data.contact[c].geom} in pairs]
@@ -164,7 +159,6 @@ class Mujoco:
 def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options: MujocoOptions) -> str:
     """The model; element and attribute names are MuJoCo's."""
     indices = range(len(scene.objects))
-    order = list(reversed(indices)) if options.backwards else list(indices)
     parts = {i: _parts(scene, i) for i in indices}
     frictions = {name: scene.objects[i].friction for i in indices for name in parts[i]}
     hand = dict.fromkeys(("palm", *FINGERS), gripper.friction)
@@ -191,7 +185,7 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
         _tag("general", joint=name, gainprm=1, biastype="affine", biasprm=(0, 0, -1), forcelimited="true", forcerange=(-1, 1))
         for name in FINGERS
     )  # fmt: skip
-    bodies = "".join(_object_xml(i, scene) for i in order)
+    bodies = "".join(_object_xml(i, scene) for i in indices)
     return (
         f"<mujoco>{option}<default><geom contype='0' conaffinity='0'/></default><asset>{meshes}</asset>"
         f"<worldbody>{table}{fixtures}{bodies}{_hand_xml(gripper)}</worldbody>"

@@ -6,17 +6,16 @@ import argparse
 import json
 from pathlib import Path
 
-from crosscheck import engines
+from crosscheck import engines, passes
 from crosscheck.cli import command, guarded, positive, write
-from crosscheck.dataset import Dataset
 
-from . import execution, experiment
+from . import experiment
 from .report import as_json, markdown, report_of
 
 EPILOG = """\
 examples:
   python scripts/judge_pybullet.py runs/pile --rounds 20
-  python scripts/judge_pybullet.py runs/pile --jobs 8 --report runs/pile/judge.md --json runs/pile/judge.json
+  python scripts/judge_pybullet.py runs/pile --report runs/pile/judge.md --json runs/pile/judge.json
 
 exit codes:
    0  done (whatever the agreement)
@@ -32,22 +31,16 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work() -> None:
         tried = experiment.read(args.experiment, args.rounds)
-        engine = _engine(tried.data)
-        report = report_of(tried, execution.judge(tried.data, args.jobs), engine, command("judge_pybullet", arguments))
+        engine = engines.make("pybullet")
+        theirs, drift = passes.same_gate("pybullet", tried.data, engine), passes.drift(tried.data, engine)
+        about = engines.describe(engine)  # its settings depend on the hand
+        engine.close()
+        report = report_of(tried, theirs, drift, about, command("judge_pybullet", arguments))
         text = markdown(report)
         write({args.report: text, args.json: json.dumps(as_json(report), indent=1) + "\n"})
         print(text, end="")
 
     return guarded("judge_pybullet", work)
-
-
-def _engine(data: Dataset) -> dict:
-    """What judges: the settings depend on the hand."""
-    engine = engines.make("pybullet")
-    engine.load(data.scenes[0], data.hand_of(data.scenes[0]), data.environment)
-    described = engines.describe(engine)
-    engine.close()
-    return described
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -57,7 +50,6 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument("experiment", type=Path, metavar="DIR", help="folder of `graspmill experiment run CONFIG --out DIR`")
     parser.add_argument("--rounds", type=positive, metavar="N", help="only the first N rounds [default: all]")
-    parser.add_argument("--jobs", type=positive, default=1, metavar="N", help="processes; changes nothing but the time [default: 1]")
     parser.add_argument("--report", type=Path, metavar="F.md", help="also write the report here")
     parser.add_argument("--json", type=Path, metavar="F.json", help="write everything as JSON")
     return parser

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from crosscheck.agreement import RESAMPLES, Agreement, agreement, confusion
+from crosscheck.agreement import RESAMPLES, Agreement, agreement, confusion, finite
 from crosscheck.compare import Rows, reaches_closing, rows_of
 from crosscheck.contract import BLOCKED, OUTCOMES
 from crosscheck.markdown import AGREEMENT_HEAD, agreement_cells, drifted, percent, table
+from crosscheck.passes import Drift, Pass
 
-from .execution import Judged
 from .experiment import Experiment
 
 # Of the bootstrap, so that the same folder gives the same report.
@@ -58,7 +58,7 @@ class Report:
     experiment: Experiment
     engine: dict
     rows: Rows
-    judged: Judged
+    drift: Drift
     theirs: list[str]
     overall: Part
     closing: Part
@@ -71,7 +71,7 @@ class Report:
         return sum(a != b and (a in BLOCKED or b in BLOCKED) for a, b in pairs)
 
 
-def report_of(experiment: Experiment, judged: Judged, engine: dict, command: str) -> Report:
+def report_of(experiment: Experiment, judged: Pass, drift: Drift, engine: dict, command: str) -> Report:
     """Compares the stored outcomes with PyBullet's."""
     rows, theirs = rows_of(experiment.data), [execution.outcome for execution in judged.executions]
 
@@ -81,7 +81,7 @@ def report_of(experiment: Experiment, judged: Judged, engine: dict, command: str
 
     bodies = np.array([attempt.shape for attempt in rows.attempts])
     return Report(
-        command, experiment, engine, rows, judged, theirs,
+        command, experiment, engine, rows, drift, theirs,
         overall=part(np.ones(len(theirs), dtype=bool)),
         closing=part(reaches_closing(rows.outcomes) & reaches_closing(theirs)),
         by_body={body: part(bodies == body) for body in sorted(set(bodies.tolist()))},
@@ -138,7 +138,7 @@ def markdown(report: Report) -> str:
         "closing. Intervals hold 95 % of a bootstrap that draws rounds; rounds without a grasp are not among them. κ is Cohen's.\n\n",
         f"pybullet {about['version']}: {settings}.\n\n",
         _summary(report),
-        drifted("PyBullet", "objects of these scenes", report.judged.drift.moved_m, report.judged.drift.turned_rad),
+        drifted("PyBullet", "objects of these scenes", report.drift.moved_m, report.drift.turned_rad),
         _part("All grasps", report.overall),
         _part("Grasps that reach closing in both", report.closing),
         _by_body(report),
@@ -188,7 +188,6 @@ def _pairs(report: Report) -> list[tuple]:
 
 def as_json(report: Report) -> dict:
     """The report for programs; NaN becomes null."""
-    drift = report.judged.drift
     return {
         "command": report.command,
         "experiment": report.experiment.name,
@@ -197,7 +196,7 @@ def as_json(report: Report) -> dict:
         "rounds": len(np.unique(report.rows.scenes)),
         "engine": report.engine,
         "gate_differences": report.gate_differences,
-        "drift_m_p50_p99_max": np.percentile(drift.moved_m, [50, 99, 100]).tolist(),
+        "drift_m_p50_p99_max": np.percentile(report.drift.moved_m, [50, 99, 100]).tolist(),
         "overall": _part_json(report.overall),
         "closing": _part_json(report.closing),
         "by_body": {body: _part_json(part) for body, part in report.by_body.items()},
@@ -209,20 +208,13 @@ def as_json(report: Report) -> dict:
 
 
 def _part_json(part: Part) -> dict:
-    def rate(of: Rate) -> dict:
-        return {name: _finite(value) for name, value in vars(of).items()}
-
     return {
         "attempts": part.attempts,
-        "success_rate_ours": rate(part.ours),
-        "success_rate_pybullet": rate(part.theirs),
-        "difference": rate(part.difference),
+        "success_rate_ours": finite(vars(part.ours)),
+        "success_rate_pybullet": finite(vars(part.theirs)),
+        "difference": finite(vars(part.difference)),
         "labels": part.labels.as_json(),
-        "outcome_share": _finite(part.same_outcome),
+        **finite({"outcome_share": part.same_outcome}),
         "held_ours_by_pybullet": part.held.tolist(),
         "confusion": {"outcomes": list(OUTCOMES), "ours_by_pybullet": part.confusion.tolist()},
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -252,7 +252,7 @@ def test_another_engine_gives_the_same_labels_among_walls(walled, name, capsys, 
     _, _, data = walled
     some = 3 if name == "pybullet" and factor == 1 else SCENES  # it takes five times as long
     data = replace(data, scenes=[one for one in data.scenes if one.fixtures][:some])
-    report = cli.run(data, [name], seed=1, with_ceiling=False)
+    report = cli.run(data, [name], seed=1)
     found = report.engines[name]
     with capsys.disabled():
         print(f"\n{name}: same gate {found.same.overall}, outcomes {found.same.outcome_share}, own {found.own.overall}")
