@@ -1,9 +1,10 @@
 """Fixtures for the tests of the cross-check and of the judge: a hand and its procedure, a table, two orientations."""
 
-
 import numpy as np
 
-from crosscheck.contract import Environment, Gripper, Procedure
+from crosscheck import engines
+from crosscheck.attempt import Runner
+from crosscheck.contract import Environment, Execution, Gripper, Procedure, Scene
 from crosscheck.solid import Solid
 
 SOLIDS = [
@@ -17,3 +18,11 @@ PROCEDURE = Procedure(0.05, 0.10, 1.0471976, 0.2, 1.0, 0.25, 0.002, 0.5, 0.01, 0
 TABLE = Environment(table_z_m=0.05, table_friction=1.0, gravity_m_s2=9.81)
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 DOWN = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about x: the approach points down
+
+
+def closed(name: str, one: Scene, hand: Gripper = GRIPPER) -> Execution:
+    """How the first attempt of a scene ends in an engine, from closing on."""
+    engine, attempt = engines.make(name), one.attempts[0]
+    ended = Runner(engine, one, hand, PROCEDURE, TABLE).from_closing(attempt, attempt.workspace_from_grasp)
+    engine.close()
+    return ended

@@ -29,6 +29,33 @@ def factor(request):
     return request.param
 
 
+def generated(tmp_path_factory, *words, **settings):
+    graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+    return graspmill.generate(tmp_path_factory.mktemp("generated") / "ds", *words, **settings)
+
+
+@pytest.fixture(scope="session")
+def walled(tmp_path_factory):
+    """24 scenes of 40 attempts, four of ten in bins, on trays and in shelves."""
+    config = Path(__file__).parents[2] / "configs/generate/judge.toml"
+    return generated(tmp_path_factory, config, shards=1, attempts=960, seed=3, settings={"attempts_per_scene": 40})
+
+
+@pytest.fixture(scope="session")
+def learned(tmp_path_factory):
+    """25 scenes of 60 attempts by the paper's rules, in 3 shards."""
+    return generated(tmp_path_factory, shards=3, attempts=1_500, seed=6)
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory):
+    """A `graspmill serve` for clients that behave."""
+    from planner_service import running
+
+    with running(tmp_path_factory.mktemp("service")) as service:
+        yield service
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport():
     return judged((yield))

@@ -15,7 +15,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from programs import PROGRAMS, files
+from programs import PROGRAMS, files, ran
 
 SEED = int(os.environ.get("GRASPMILL_FAULTS_SEED", 1))
 HANG_S = 60  # a longer run counts as hanging
@@ -39,8 +39,7 @@ def environment():
 
 def run(program, *args, before=(), **more):
     """Runs a program to its end; `before` is a wrapper command, such as strace with its options."""
-    command = [*map(str, before), PROGRAMS / program, *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=HANG_S, env=environment(), **more)
+    return ran(*before, PROGRAMS / program, *args, code=None, timeout=HANG_S, env=environment(), **more)
 
 
 def start(program, *args):

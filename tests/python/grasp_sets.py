@@ -14,6 +14,20 @@ ABOVE = np.array([[-1, 0, 0, 0.01], [0, 1, 0, 0.02], [0, 0, -1, 0.03], [0, 0, 0,
 BASE_M = 0.1123
 
 
+#: The corners and triangles of a box of 40 x 50 x 60 mm whose lowest corner is the origin.
+BOX_MESH = (
+    np.array([[x, y, z] for x in (0, 0.04) for y in (0, 0.05) for z in (0, 0.06)]),
+    np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]),
+)
+
+
+def box_obj(size, corner=(0, 0, 0)):
+    """The OBJ of a box, whose lowest corner is there."""
+    corners = [[low + length * (number >> axis & 1) for axis, (low, length) in enumerate(zip(corner, size))] for number in range(8)]
+    faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
+    return "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + faces
+
+
 def needs(form):
     """Skips a test where a package for this format is not installed."""
     if form in NEEDS:
@@ -69,5 +83,6 @@ def again(path, form, **options):
 
 
 def refused(match, call):
-    with pytest.raises(InputError, match=match):
+    with pytest.raises(InputError, match=match) as told:
         call()
+    assert isinstance(told.value, ValueError) and told.value.exit_code == 78

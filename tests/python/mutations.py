@@ -109,18 +109,6 @@ class Mutant:
         self.mend()
         return f"{INFO}: {what}"
 
-    def set_info(self, key, value):
-        """Another value of a key such as `config.camera.width_px`."""
-        whole = json.loads((self.folder / INFO).read_text())
-        *path, last = key.split(".")
-        holder = whole
-        for part in path:
-            holder = holder[part]
-        assert last in holder
-        holder[last] = value
-        (self.folder / INFO).write_text(json.dumps(whole, indent=2, ensure_ascii=False) + "\n")
-        self.mend()
-
     def table(self, rng):
         path = rng.choice(sorted((self.folder / rng.choice(TABLES)).glob("*.parquet")))
         return path, pq.read_table(path)

@@ -9,14 +9,14 @@ import signal
 import socket
 import subprocess
 import tomllib
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
-from programs import PROGRAMS, ROOT
+from programs import ROOT, program
 
-PROGRAM = PROGRAMS / "graspmill"
+from crosscheck.pose import rotation_of
+
 DEMO = ROOT / "planner" / "demo"
 JSON = {"Content-Type": "application/json"}
 
@@ -26,7 +26,7 @@ class Service:
 
     def __init__(self, folder, *args):
         self.log = folder / "log.txt"
-        command = [str(word) for word in (PROGRAM, "serve", "--port", "0", *args)]
+        command = [str(word) for word in (program("graspmill"), "serve", "--port", "0", *args)]
         with open(self.log, "w") as log:
             self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
         line = self.process.stdout.readline()
@@ -50,12 +50,14 @@ class Service:
     def raw(self, data, wait_s=20.0):
         """All that comes back when these bytes are sent; nothing if the connection is closed without an answer."""
         with socket.create_connection(("127.0.0.1", self.port), timeout=wait_s) as stream:
-            try:
+            got = b""
+            with suppress(OSError):
                 stream.sendall(data)
                 stream.shutdown(socket.SHUT_WR)
-            except OSError:
-                pass
-            return read_all(stream)
+            with suppress(ConnectionError):
+                while piece := stream.recv(65536):
+                    got += piece
+            return got
 
     def memory_kb(self, name):
         status = Path(f"/proc/{self.process.pid}/status").read_text()
@@ -66,16 +68,6 @@ class Service:
         code = self.process.wait(30)
         self.process.stdout.close()
         return code
-
-
-def read_all(stream):
-    got = b""
-    try:
-        while piece := stream.recv(65536):
-            got += piece
-    except ConnectionError:
-        pass
-    return got
 
 
 @contextmanager
@@ -104,27 +96,14 @@ def file_of(data):
 
 def matrix(pose):
     """The matrix of a pose of a request or an answer."""
-    x, y, z, w = pose["quaternion_xyzw"]
     made = np.eye(4)
-    made[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    made[:3, 3] = pose["position_m"]
+    made[:3, :3], made[:3, 3] = rotation_of(pose["quaternion_xyzw"]), pose["position_m"]
     return made
 
 
 def npy(array):
     file = io.BytesIO()
     np.save(file, array)
-    return file.getvalue()
-
-
-def png(array):
-    """A grey PNG of 16 bits."""
-    file = io.BytesIO()
-    Image.fromarray(array.astype(np.uint16)).save(file, "PNG")
     return file.getvalue()
 
 

@@ -91,6 +91,9 @@ class Robot:
     def call(self, name, response):
         return self.services[name](None, response)
 
+    def plan(self):
+        return self.call("plan_now", Answered())
+
     def modules(self, moveit=False):
         """The modules to be imported, by their names."""
         robot, made, space = self, interfaces(), types.SimpleNamespace

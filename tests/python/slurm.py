@@ -19,6 +19,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from programs import ran
+
 SEARCHED = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/usr/local/sbin"])
 DAEMONS = ["munged", "slurmctld", "slurmd"]
 CLIENTS = ["sbatch", "scancel", "scontrol", "sinfo", "squeue"]
@@ -136,16 +138,9 @@ class Cluster:
             f"NodeName={name} NodeHostname={host} NodeAddr=127.0.0.1 Port={port + 1 + i} CPUs={cpus} RealMemory=64000"
             for i, name in enumerate(self.nodes)
         ]
-        text = CONFIG.format(
-            host=host,
-            port=port,
-            user=pwd.getpwuid(os.getuid()).pw_name,
-            folder=self.folder,
-            kill_wait_s=kill_wait_s,
-            requeue_exit=f"RequeueExit={requeue_exit}" if requeue_exit else "",
-            nodes="\n".join(rows),
-        )
-        (self.folder / "slurm.conf").write_text(text)
+        here = {"host": host, "port": port, "user": pwd.getpwuid(os.getuid()).pw_name, "folder": self.folder}
+        wishes = {"kill_wait_s": kill_wait_s, "requeue_exit": f"RequeueExit={requeue_exit}" if requeue_exit else ""}
+        (self.folder / "slurm.conf").write_text(CONFIG.format(**here, **wishes, nodes="\n".join(rows)))
 
     def start(self):
         files = {"key-file": "key", "socket": "munge.sock", "pid-file": "munged.pid", "seed-file": "seed"}
@@ -196,11 +191,7 @@ class Cluster:
     def call(self, *command, cwd=None, check=True, **settings):
         """What a client of Slurm prints."""
         env = {**self.env, **{key: str(value) for key, value in settings.items()}}
-        ended = subprocess.run(
-            list(map(str, command)), cwd=cwd or self.folder, env=env, capture_output=True, text=True, timeout=CLIENT_S
-        )
-        assert ended.returncode == 0 or not check, f"{command}: {ended.stderr}"
-        return ended.stdout.strip()
+        return ran(*command, cwd=cwd or self.folder, env=env, timeout=CLIENT_S, code=0 if check else None).stdout.strip()
 
     def submit(self, *arguments, cwd, **settings):
         """The id of a new job; settings are its environment."""

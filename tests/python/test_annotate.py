@@ -1,24 +1,20 @@
 """Labelled grasps of objects from Python: the same as the program's, and labels for grasps of others."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 pytest.importorskip("pyarrow")
+from grasp_sets import ENDINGS, FORMATS, box_obj  # noqa: E402
+from programs import packaged  # noqa: E402
 
 BOX = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0, 0, 0))
 
 
 def brick(folder):
     """A box of 40 x 60 x 50 mm whose corner is the origin, in millimetres."""
-    corners = [(40 * (c & 1), 60 * (c >> 1 & 1), 50 * (c >> 2 & 1)) for c in range(8)]
-    text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
-    faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
     path = folder / "brick.obj"
-    path.write_text(text + faces)
+    path.write_text(box_obj((40, 60, 50)))
     return path
 
 
@@ -28,8 +24,7 @@ def test_grasps_are_those_of_the_program(tmp_path):
     told = []
     made = graspmill.annotate(mesh, gripper="franka_hand", scale=0.001, threads=2, progress=told.append, **settings)
     words = [str(word) for key, value in settings.items() for word in (f"--{key}", value) if value is not True]
-    command = [sys.executable, "-m", "graspmill", "objects", "annotate", mesh, "--scale", "0.001", "--gripper", "franka_hand", "--margins"]
-    subprocess.run([*command, *words, "--out", tmp_path / "out"], check=True, capture_output=True)
+    packaged("objects", "annotate", mesh, "--scale", "0.001", "--gripper", "franka_hand", "--margins", *words, "--out", tmp_path / "out")
     stored = graspmill.ObjectGrasps.load(tmp_path / "out" / "brick.parquet")
     assert len(made) == len(stored) == 60
     for name in ("object_from_grasp", "width_m", "contacts_m", "normals", "closing_moved_m", "test_turned_rad", "friction_min", "tug_max_g"):
@@ -73,26 +68,28 @@ def test_grasps_of_others_are_labelled(tmp_path):
     assert list(again.outcome) == ["held"]
 
 
-@pytest.mark.parametrize("form", ["acronym", "graspgen", "isaac_grasp", "molmospaces", "graspnet", "parquet"])
-def test_files_of_others_are_labelled_by_the_program(form, tmp_path):
+def annotated(folder, *words):
+    packaged("objects", "annotate", folder / "brick.obj", "--gripper", "franka_hand", "--drops", "0", *words, cwd=folder)
+
+
+@pytest.fixture(scope="module")
+def drawn_files(tmp_path_factory):
+    """The folder of a brick, with a set of its grasps in every format."""
     for package in ("h5py", "yaml"):
         pytest.importorskip(package, reason=f"{package} is not installed: scripts/requirements.txt has it")
-    mesh = brick(tmp_path)
-    ending = {"acronym": "h5", "graspgen": "json", "isaac_grasp": "yaml", "molmospaces": "npz", "graspnet": "npy"}.get(form)
+    folder = brick(tmp_path_factory.mktemp("drawn")).parent
+    annotated(folder, "--grasps", "60", "--scale", "0.001", "--format", ",".join(FORMATS), "--out", "drawn")
+    return folder
 
-    def annotate(*words):
-        command = [sys.executable, "-m", "graspmill", "objects", "annotate", mesh, "--gripper", "franka_hand", "--drops", "0"]
-        return subprocess.run([*map(str, [*command, *words])], cwd=tmp_path, capture_output=True, text=True)
 
-    options = [] if form == "parquet" else ["--format", form]
-    done = annotate("--grasps", "60", "--scale", "0.001", *options, "--out", "drawn")
-    assert done.returncode == 0, done.stderr
-    file = tmp_path / "drawn" / ("brick.parquet" if form == "parquet" else f"brick.{form}.{ending}")
+@pytest.mark.parametrize("form", [*FORMATS, "parquet"])
+def test_files_of_others_are_labelled_by_the_program(drawn_files, form):
+    file = drawn_files / "drawn" / (f"brick.{form}.{ENDINGS[form]}" if form in ENDINGS else "brick.parquet")
     # Three say how long a unit of the mesh is.
     scale = [] if form in ("acronym", "graspgen", "isaac_grasp") else ["--scale", "0.001"]
-    done = annotate("--relabel", file, *scale, "--out", "again")
-    assert done.returncode == 0, done.stderr
-    drawn, again = (graspmill.ObjectGrasps.load(tmp_path / folder / "brick.parquet") for folder in ("drawn", "again"))
+    for _ in range(2 if form == "graspgen" else 1):  # the same once more
+        annotated(drawn_files, "--relabel", file, *scale, "--out", form)
+    drawn, again = (graspmill.ObjectGrasps.load(drawn_files / folder / "brick.parquet") for folder in ("drawn", form))
     if form in ("molmospaces", "graspnet"):  # without labels, and only what held
         assert again.info["agreement"] is None
         drawn = drawn.subset(drawn.held)
@@ -102,8 +99,6 @@ def test_files_of_others_are_labelled_by_the_program(form, tmp_path):
         assert again.info["agreement"]["same"] >= 58 and again.info["agreement"]["kappa"] > 0.85
     np.testing.assert_allclose(again.object_from_grasp, drawn.object_from_grasp, atol=2e-6)
     assert again.scale_m == pytest.approx(0.001) and (again.held == drawn.held).mean() > 0.95
-    # The same once more.
-    assert annotate("--relabel", file, *scale, "--out", "again").returncode == 0
 
 
 def test_what_the_program_cannot_write_or_read_is_named(tmp_path):
@@ -115,9 +110,7 @@ def test_what_the_program_cannot_write_or_read_is_named(tmp_path):
         (["--relabel", tmp_path / "gone.json"], "gone.json"),
         (["--relabel", tmp_path / "a.txt"], "must end with one of"),
     ):
-        command = [sys.executable, "-m", "graspmill", "objects", "annotate", mesh, *words, "--out", tmp_path / "out"]
-        done = subprocess.run([*map(str, command)], capture_output=True, text=True)
-        assert done.returncode == 78 and said in done.stderr, done.stderr
+        assert said in packaged("objects", "annotate", mesh, *words, "--out", tmp_path / "out", code=78).stderr
 
 
 def test_only_what_holds_is_kept_where_that_is_asked_for():

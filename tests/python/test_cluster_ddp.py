@@ -1,12 +1,9 @@
 """scripts/cluster/train_ddp.sbatch on a real Slurm, and kubernetes-train-ddp.yaml against schemas and what it starts.
 
-    python -m pytest tests/python/test_cluster_ddp.py
-
 No network but loopback; without Slurm or PyTorch the tests that need them are skipped with a reason.
 """
 
 import argparse
-import copy
 import re
 import shlex
 import sys
@@ -15,9 +12,9 @@ from pathlib import Path
 import pytest
 import slurm
 import yaml
-from test_kubernetes import VERSIONS, changed, container, job_problems, mounts_of, place_problems, pod, schema_problems, variables_of
+from programs import ROOT, at_seventh_step, changed, executable
+from test_kubernetes import VERSIONS, container, job_problems, mounts_of, place_problems, pod, schema_problems, variables_of, wrong
 
-ROOT = Path(__file__).parents[2]
 CLUSTER = ROOT / "scripts/cluster"
 EXAMPLE = ROOT / "python/examples/train_ddp.py"
 SERVICE, JOB = yaml.safe_load_all((CLUSTER / "kubernetes-train-ddp.yaml").read_text())
@@ -31,51 +28,33 @@ def options(args):
     return dict(word.split("=", 1) for word in args[:script]), args[script], args[script + 1 :]
 
 
-def flags_of_the_example():
-    return set(re.findall(r'add_argument\("(--[a-z-]+)"', EXAMPLE.read_text()))
-
-
 def meeting_problems(service, job):
     """The pods find each other: names, ports and numbers agree."""
     launcher, _, words = options(container(job)["args"])
-    spec, name = job["spec"], job["metadata"]["name"]
-    port = service["spec"]["ports"][0]["port"]
-    wanted = {
-        "--rdzv-endpoint": f"{name}-0.{pod(job).get('subdomain')}:{port}",
-        "--nnodes": str(spec["completions"]),
-        "--rdzv-backend": "c10d",
-        "the Service": pod(job).get("subdomain"),
-        "the Service's selector": {"batch.kubernetes.io/job-name": name},
-        "clusterIP": "None",
-        "publishNotReadyAddresses": True,
-        "parallelism": spec["completions"],
-    }
-    own = service["spec"]
-    found = {
-        **launcher,
-        "the Service": service["metadata"]["name"],
-        "the Service's selector": own["selector"],
-        **{key: own.get(key) for key in ("clusterIP", "publishNotReadyAddresses")},
-        "parallelism": spec.get("parallelism"),
-    }
-    problems = [f"{key} must be {value}, got {found.get(key)}" for key, value in wanted.items() if found.get(key) != value]
-    problems += [f"{flag} is no option of the launcher that is used here" for flag in launcher if flag not in LAUNCHER]
-    flags = [word.split("=")[0] for word in words if word.startswith("--")]
-    problems += [f"{flag} is no flag of train_ddp.py" for flag in flags if flag not in flags_of_the_example()]
-    return problems + [f"{flag} must be given" for flag in ("--out", "--resume") if flag not in flags]
+    spec, own, name = job["spec"], service["spec"], job["metadata"]["name"]
+    flags = {word.split("=")[0] for word in words if word.startswith("--")}
+    known = set(re.findall(r'add_argument\("(--[a-z-]+)"', EXAMPLE.read_text()))
+    return wrong({
+        "--rdzv-endpoint": launcher["--rdzv-endpoint"] == f"{name}-0.{pod(job)['subdomain']}:{own['ports'][0]['port']}",
+        "--nnodes": launcher["--nnodes"] == str(spec["completions"]) == str(spec["parallelism"]),
+        "--rdzv-backend": launcher["--rdzv-backend"] == "c10d",
+        "subdomain": service["metadata"]["name"] == pod(job)["subdomain"],
+        "selector": own["selector"] == {"batch.kubernetes.io/job-name": name},
+        "every pod has a name": (own["clusterIP"], own["publishNotReadyAddresses"]) == ("None", True),
+        "options of the launcher": launcher.keys() <= LAUNCHER,
+        "flags of train_ddp.py": {"--out", "--resume"} <= flags <= known,
+    })  # fmt: skip
 
 
 def run_problems(job):
     """What training needs besides."""
-    mounts, problems = mounts_of(job), place_problems(job, ("TMPDIR", "HOME"))
-    if variables_of(job).get("TORCH_DISABLE_SHARE_RDZV_TCP_STORE") != "1":
-        problems.append("TORCH_DISABLE_SHARE_RDZV_TCP_STORE must be 1: else old addresses are found")
-    if mounts.get("/dev/shm", {}).get("emptyDir", {}).get("medium") != "Memory":
-        problems.append("/dev/shm must be an emptyDir in memory: workers pass batches through it")
+    mounts = mounts_of(job)
     run = next((Path(word.split("=")[1]) for word in container(job)["args"] if word.startswith("--out=")), Path())
-    if "persistentVolumeClaim" not in mounts.get(str(run.parent), {}):
-        problems.append(f"--out must lie in a volume that stays, got {run}")
-    return problems
+    return place_problems(job, ("TMPDIR", "HOME")) + wrong({
+        "TORCH_DISABLE_SHARE_RDZV_TCP_STORE must be 1": variables_of(job).get("TORCH_DISABLE_SHARE_RDZV_TCP_STORE") == "1",
+        "workers pass batches through /dev/shm": mounts.get("/dev/shm", {}).get("emptyDir", {}).get("medium") == "Memory",
+        "--out must lie in a volume that stays": "persistentVolumeClaim" in mounts.get(str(run.parent), {}),
+    })  # fmt: skip
 
 
 def problems(service, job, versions=VERSIONS):
@@ -83,43 +62,22 @@ def problems(service, job, versions=VERSIONS):
     return found or job_problems(job) + meeting_problems(service, job) + run_problems(job)
 
 
-def test_the_manifest_is_right():
+def test_the_manifest_is_right_and_a_broken_one_is_refused():
     assert problems(SERVICE, JOB) == []
-
-
-POD = "spec.template.spec"
-BOX = f"{POD}.containers.0"
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "text"),
-    [
+    pod, box = "spec.template.spec", "spec.template.spec.containers.0"
+    for path, value, text in [
         ("spec.paralelism", 2, "paralelism"),
-        ("spec.parallelism", 1, "parallelism must be 2"),
-        ("spec.completions", 3, "--nnodes must be 3"),
-        ("spec.completionMode", "NonIndexed", "in an Indexed Job only"),
-        ("spec.maxFailedIndexes", 3, "at most completions"),
-        (f"{POD}.subdomain", "train", "--rdzv-endpoint must be train-ddp-0.train:29400"),
-        (f"{POD}.volumes.1", None, "/dev/shm must be"),
-        (f"{POD}.volumes.2", {"name": "runs", "emptyDir": {"sizeLimit": "1Gi"}}, "a volume that stays"),
-        (f"{BOX}.args.3", "--rdzv-endpoint=train-ddp:29400", "--rdzv-endpoint must be"),
-        (f"{BOX}.args.5", "--max-restart=20", "--max-restart is no option"),
-        (f"{BOX}.args.9", "--epoch=10", "--epoch is no flag"),
-        (f"{BOX}.args.10", None, "--resume must be given"),
-        (f"{BOX}.image", "registry.example/graspmill-torch", "fixed tag"),
-        (f"{BOX}.env.2.value", "/root", "HOME must be"),
-        (f"{BOX}.env.3", None, "TORCH_DISABLE_SHARE_RDZV_TCP_STORE must be 1"),
-    ],
-)
-def test_a_broken_manifest_is_refused(path, value, text):
-    found = problems(SERVICE, changed(JOB, path, value), VERSIONS[:1])
-    assert any(text in problem for problem in found), found
-
-
-def test_a_service_that_finds_no_pod_is_refused():
-    service = copy.deepcopy(SERVICE)
-    service["spec"]["selector"] = {"job-name": "train"}
-    assert any("selector must be" in problem for problem in problems(service, JOB, VERSIONS[:1]))
+        ("spec.completions", 3, "--nnodes"),
+        (f"{pod}.subdomain", "train", "--rdzv-endpoint"),
+        (f"{pod}.volumes.1", ..., "/dev/shm"),
+        (f"{pod}.volumes.2", {"name": "runs", "emptyDir": {"sizeLimit": "1Gi"}}, "a volume that stays"),
+        (f"{box}.args.5", "--max-restart=20", "options of the launcher"),
+        (f"{box}.args.10", ..., "flags of train_ddp.py"),
+        (f"{box}.env.2.value", "/root", "HOME must be"),
+    ]:
+        found = problems(SERVICE, changed(JOB, path, value), VERSIONS[:1])
+        assert any(text in problem for problem in found), (path, found)
+    assert "selector" in problems(changed(SERVICE, "spec.selector", {"job-name": "train"}), JOB, VERSIONS[:1])
 
 
 def test_torchrun_takes_the_options_of_the_files():
@@ -137,31 +95,7 @@ def test_torchrun_takes_the_options_of_the_files():
 
 
 # The first start waits at its seventh step until it is ended; the checkpoint before is of the sixth.
-WAITING = """
-import os, sys, time
-sys.path.insert(0, {examples!r})
-import train_ddp
-
-forward, steps = train_ddp.Step.forward, []
-
-
-def waiting(self, batch):
-    steps.append(None)
-    if "SLURM_RESTART_COUNT" not in os.environ and len(steps) == 7:
-        open(f"waiting-{{os.environ['RANK']}}", "w").close()
-        time.sleep({seconds})
-    return forward(self, batch)
-
-
-train_ddp.Step.forward = waiting
-sys.exit(train_ddp.main())
-"""
-
-
-def file_of(path, text):
-    path.write_text(text)
-    path.chmod(0o755)
-    return path
+WAITING = f"""if "SLURM_RESTART_COUNT" not in os.environ: open("waiting-" + os.environ["RANK"], "w").close(), time.sleep({END_S})"""
 
 
 @pytest.mark.long
@@ -170,10 +104,10 @@ def test_a_job_of_two_nodes_goes_on_after_its_time_limit(tmp_path):
     graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
     pytest.importorskip("torch")
     graspmill.generate(tmp_path / "grasps", shards=2, attempts=720, seed=6)
-    script = file_of(tmp_path / "waiting.py", WAITING.format(examples=str(EXAMPLE.parent), seconds=END_S))
+    script = executable(tmp_path / "waiting.py", at_seventh_step(WAITING))
     # Both nodes are this machine, whose name may have no address.
     program = f'exec {sys.executable} -m torch.distributed.run --local-addr 127.0.0.1 "$@"'
-    torchrun = file_of(tmp_path / "torchrun", f"#!/bin/sh\n{program}\n")
+    torchrun = executable(tmp_path / "torchrun", f"#!/bin/sh\n{program}\n")
     settings = {"DATA": tmp_path / "grasps", "RUN": tmp_path / "run", "SCRIPT": script, "TORCHRUN": torchrun, "HEAD": "127.0.0.1"}
     words = ["--network=judge", "--batch=24", "--epochs=2", "--checkpoint-steps=2"]
     with slurm.cluster(nodes=2, cpus=1, requeue_exit=None) as cluster:

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.dataset as pads
 import pyarrow.parquet as pq
 import pytest
-from attempts import DOWN, GRIPPER, PROCEDURE, TABLE, UPRIGHT
+from attempts import DOWN, GRIPPER, PROCEDURE, TABLE, UPRIGHT, closed
 
 from crosscheck import cli, dataset, engines, gate
 from crosscheck.attempt import Runner
@@ -21,13 +21,12 @@ from crosscheck.contract import Attempt, Scene, SceneObject, retreat_direction
 from crosscheck.hull import hull_of
 from crosscheck.pose import Pose, quat_from_vector
 from crosscheck.solid import Solid
+from programs import ROOT
 
-ROOT = Path(__file__).parents[2]
 SIZE_M, TABLE_Z_M = 0.3, 0.05
 BIN = Container("bin", (0.26, 0.20), 0.1, 0.004, 0.1)
 TRAY = replace(BIN, kind="tray", height_m=0.02, slope_rad=0.5)
 SHELF = Container("shelf", (0.26, 0.20), 0.2, 0.004, 0.0)
-SCENES = 24
 
 
 @pytest.mark.parametrize("container", [BIN, TRAY, SHELF], ids=lambda c: c.kind)
@@ -165,14 +164,8 @@ def test_hands_among_walls_end_as_the_rules_say(name):
         "a board": (block((0.05, 0.05, 0.26), (0.25, 0.25, 0.27)), "hit_other", "container"),
         "a higher board": (block((0.05, 0.05, 0.2711), (0.25, 0.25, 0.28)), "held", None),
     }
-    engine, found = engines.make(name), {}
-    for case, (fixtures, _, _) in cases.items():
-        one = scene(fixtures)
-        attempt = one.attempts[0]
-        ended = Runner(engine, one, GRIPPER, PROCEDURE, TABLE).from_closing(attempt, attempt.workspace_from_grasp)
-        found[case] = (ended.outcome, ended.hit)
-    engine.close()
-    assert found == {case: (outcome, hit) for case, (_, outcome, hit) in cases.items()}
+    found = {case: closed(name, scene(fixtures)) for case, (fixtures, _, _) in cases.items()}
+    assert {case: (ended.outcome, ended.hit) for case, ended in found.items()} == {case: tuple(expected) for case, (_, *expected) in cases.items()}
 
 
 @pytest.mark.parametrize("name", engines.ENGINES)
@@ -199,17 +192,6 @@ def test_an_object_leans_on_a_wall_and_an_approach_is_stopped_by_it(name):
     assert (approached.outcome, approached.hit) == ("approach_collision", "container")
 
 
-@pytest.fixture(scope="module")
-def walled(tmp_path_factory):
-    """A dataset of which some scenes are in containers, as the package and as the cross-check read it."""
-    graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
-    folder = tmp_path_factory.mktemp("walled") / "ds"
-    settings = {"attempts_per_scene": 40}
-    config = ROOT / "configs/generate/judge.toml"
-    stored = graspmill.generate(folder, config, shards=1, attempts=40 * SCENES, seed=3, settings=settings)
-    return graspmill, stored, dataset.read(folder, None)
-
-
 def rendered_m(fixtures: tuple, camera) -> np.ndarray:
     """Depth (height, width) of the parts in front of a camera; infinite beside them."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px]
@@ -229,9 +211,8 @@ def rendered_m(fixtures: tuple, camera) -> np.ndarray:
 
 
 def test_walls_stand_where_graspmill_renders_them(walled, factor):
-    graspmill, stored, data = walled
-    compared = set()
-    for one, mine in [*zip(stored, data.scenes, strict=True)][: 8 * factor]:
+    graspmill, compared = pytest.importorskip("graspmill"), set()
+    for one, mine in [*zip(walled, dataset.read(Path(walled._native.location), None).scenes, strict=True)][: 8 * factor]:
         camera, objects = one.cameras[0], one.scene.objects
         seen = one.scene.render(camera)
         bare = graspmill.Scene(objects, table_z_m=one.scene.table_z_m).render(camera)
@@ -249,16 +230,16 @@ def test_walls_stand_where_graspmill_renders_them(walled, factor):
 
 @pytest.mark.parametrize("name", engines.ENGINES)
 def test_another_engine_gives_the_same_labels_among_walls(walled, name, capsys, factor):
-    _, _, data = walled
-    some = 3 if name == "pybullet" and factor == 1 else SCENES  # it takes five times as long
+    data = dataset.read(Path(walled._native.location), None)
+    some, off = (3, 0.02) if factor == 1 else (24, 0.0)
     data = replace(data, scenes=[one for one in data.scenes if one.fixtures][:some])
     report = cli.run(data, [name], seed=1)
     found = report.engines[name]
     with capsys.disabled():
         print(f"\n{name}: same gate {found.same.overall}, outcomes {found.same.outcome_share}, own {found.own.overall}")
-    assert found.same.overall.count >= (120 if some < SCENES else 300) and len(data.scenes) < SCENES
+    assert found.same.overall.count >= (120 if factor == 1 else 300) and len(data.scenes) < 24
     assert any(attempt.hit == "container" for attempt in report.rows.attempts)
     assert report.gate_differences == []
-    assert found.same.outcome_share >= 0.95 and found.same.overall.share >= 0.97
+    assert found.same.outcome_share >= 0.95 - off and found.same.overall.share >= 0.97 - off
     # Hands that pass a wall by about the clearance, ten of 360 here, fall on either side of another engine's own gate.
-    assert found.own.outcome_share >= 0.92
+    assert found.own.outcome_share >= 0.92 - off

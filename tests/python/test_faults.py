@@ -11,16 +11,15 @@ import re
 import resource
 import shutil
 import signal
-import subprocess
 import time
 from pathlib import Path
 
 import pytest
 
 import faults
-from faults import CONFIG, DATA, INCOMPLETE, OK, READS, STATES, TRY_AGAIN
+from faults import CONFIG, INCOMPLETE, OK, READS, STATES, TRY_AGAIN
 from faults import prepare, problems_of, record, run, step_of, traced
-from programs import ROOT, files
+from programs import ROOT, files, ran
 
 needs_strace = pytest.mark.skipif(bool(faults.why_no_strace()), reason=faults.why_no_strace())
 SMALL = {"attempts_per_scene": 2, "resolution": 8}
@@ -37,30 +36,25 @@ def write_config(path, **settings):
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("reference")
+def config(tmp_path_factory):
+    return write_config(tmp_path_factory.mktemp("reference") / "small.toml", **SMALL)
 
 
 @pytest.fixture(scope="module")
-def config(folder):
-    return write_config(folder / "small.toml", **SMALL)
-
-
-@pytest.fixture(scope="module")
-def two(config, folder):
+def two(config):
     """Two shards, for faults that are tried at every step."""
-    return faults.Case(folder / "two", config, 2, 4)
+    return faults.Case(config.with_name("two"), config, 2, 4)
 
 
 @pytest.fixture(scope="module")
-def four(config, folder):
-    return faults.Case(folder / "four", config, 4, 8)
+def four(config):
+    return faults.Case(config.with_name("four"), config, 4, 8)
 
 
 @pytest.fixture(scope="module")
-def many(config, folder):
+def many(config):
     """Sixteen shards, for faults that come at random times: most of the time something is being written."""
-    return faults.Case(folder / "many", config, 16, 32)
+    return faults.Case(config.with_name("many"), config, 16, 32)
 
 
 # --- At every system call.
@@ -409,13 +403,12 @@ def test_writers_killed_among_writers(many, tmp_path, factor):
 def test_another_clock(four, tmp_path, clock):
     if shutil.which("faketime") is None:
         pytest.skip("there is no faketime (Debian package faketime)")
-    told = subprocess.run(["faketime", clock, "date", "+%Y"], capture_output=True, text=True)
-    assert told.stdout.strip() == clock[:4], told
+    assert ran("faketime", clock, "date", "+%Y").stdout.strip() == clock[:4]
     ended = four.generate(tmp_path / "data", before=["faketime", clock])
     record(f"clock in {clock[:4]}", 1, problems_of(ended, [OK], "the run") + four.lost(tmp_path / "data"))
 
 
-# --- Another dataset in the folder, and damaged ones.
+# --- Another dataset in the folder, and files that are gone. `shards/tests/it/damage.rs` has every damage.
 
 
 def snapshot(folder):
@@ -452,12 +445,6 @@ def test_another_version_is_refused(two, tmp_path):
     record("another version in the same folder: code 78", 1, problems)
 
 
-@pytest.fixture(scope="module")
-def other(config, folder):
-    """As `four`, from another seed."""
-    return faults.Case(folder / "other", config, 4, 8, seed=2)
-
-
 def test_files_that_were_deleted_are_made_again(four, tmp_path, factor):
     """Deletes one or several files of a complete dataset."""
     rng, problems = faults.dice("deleted"), []
@@ -470,66 +457,3 @@ def test_files_that_were_deleted_are_made_again(four, tmp_path, factor):
         problems += [f"without {gone}: {problem}" for problem in found]
         shutil.rmtree(out)
     record("files deleted from a whole dataset, the same command again", len(cases), problems)
-
-
-def zeroed(data, at, length):
-    return data[:at] + bytes(len(data[at : at + length])) + data[at + length :]
-
-
-def exchanged(data, one, two, length):
-    """Exchanges two blocks that do not overlap."""
-    a, b = data[one : one + length], data[two : two + length]
-    return data[:one] + b + data[one + length : two] + a + data[two + length :]
-
-
-def damages(name, case, other, rng, factor):
-    """A file's bytes with many named kinds of damage."""
-    data = case.whole[name]
-    half, block = len(data) // 2, min(64, len(data) // 4)
-    for at in [0, len(data) - 1, *(rng.randrange(len(data)) for _ in range(factor))]:
-        bit = 1 << rng.randrange(8)
-        yield f"bit {bit} of byte {at} flipped", data[:at] + bytes([data[at] ^ bit]) + data[at + 1 :]
-    for length in [0, 1, half, len(data) - 1, *(rng.randrange(len(data)) for _ in range(factor))]:
-        yield f"cut to {length} bytes", data[:length]
-    for more in (b"\0", b"\n", b"PAR1", data[-8:], data):
-        yield f"{len(more)} bytes appended", data + more
-    for _ in range(factor):
-        at = rng.randrange(len(data) - block)
-        yield f"{block} bytes at {at} zeroed", zeroed(data, at, block)
-        one, two = rng.randrange(half - block), rng.randrange(half, len(data) - block)
-        yield f"blocks of {block} bytes at {one} and {two} exchanged", exchanged(data, one, two, block)
-    yield "a file of another seed", other.whole[name]
-    for twin in case.whole:
-        if twin != name and Path(twin).parent == Path(name).parent:
-            yield f"is {twin}", case.whole[twin]
-    yield "gone", None
-
-
-def test_damage_is_found(four, other, tmp_path, factor):
-    """`dataset verify` finds every damage to every file that it reads, ends with the right code, and names the shard."""
-    names = [name for name in four.whole if name not in (faults.CARD, "_SUCCESS")]
-    names = [name for name in names if factor > 1 or "0000" not in name or name in four.files_of(1)]
-    gone = {"meta/manifest.json": INCOMPLETE, "meta/info.json": CONFIG}
-
-    def check(name):
-        rng, times, problems = faults.dice(f"damage {name}"), 0, []
-        out = four.copy(tmp_path / name.replace("/", "-"))
-        for what, data in damages(name, four, other, rng, factor):
-            if data == four.whole[name]:
-                continue  # two equal blocks exchanged
-            times += 1
-            (out / name).unlink(missing_ok=True)
-            if data is not None:
-                (out / name).write_bytes(data)
-            ended = run("graspmill", "dataset", "verify", out)
-            code = gone.get(name, DATA) if data is None else DATA
-            found = [] if ended.returncode == code else [f"ended with {ended.returncode}, not {code}"]
-            found += ["panicked"] if "panicked" in ended.stderr else []
-            found += [] if name in gone or name in ended.stdout + ended.stderr else [f"not named: {ended.stdout}"]
-            problems += [f"{name}, {what}: {problem}" for problem in found]
-        return times, problems
-
-    results = faults.side_by_side(check, names)
-    times, problems = sum(n for n, _ in results), [problem for _, found in results for problem in found]
-    assert times >= (80 if factor == 1 else 200)
-    record("damaged files: found by `dataset verify`", times, problems, files=len(names))

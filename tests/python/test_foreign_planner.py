@@ -1,25 +1,20 @@
 """`graspmill experiment run --planner URL`: anyone's planner behind the contract of /predict, also one that misbehaves.
 
-    python -m pytest tests/python/test_foreign_planner.py
-
 The program is that of the package; the static one says so.
 """
 
 import base64
 import json
-import subprocess
-import sys
 import threading
 from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
-import pytest
-from programs import program
+from programs import PACKAGE, program, ran, rounds_of
 
 from planner_service import ROOT, running
 
-GONE, BROKEN = object(), object()
+GONE, BROKEN, SLOW = object(), object(), object()
 DOWN = {"translation": [0, 0, 0], "rotation_matrix": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], "score": 0.5, "gripper_width": None}
 
 
@@ -39,7 +34,12 @@ def planner(answer, config=None):
             self.wfile.write(data)
 
         def do_GET(self):
-            if config is None or self.path != "/config":
+            if config is SLOW:
+                self.wfile.write(b"HTTP/1.1 200 OK\r\n")
+                with suppress(OSError):
+                    while not done.wait(0.1):
+                        self.wfile.write(b"a")
+            elif config is None or self.path != "/config":
                 self.say(404, b"")
             else:
                 self.say(200, config if isinstance(config, bytes) else json.dumps(config).encode())
@@ -68,18 +68,10 @@ def planner(answer, config=None):
         server.server_close()
 
 
-def run(out, *args, rounds=1, code=0, by=(sys.executable, "-m", "graspmill")):
+def run(out, *args, rounds=1, code=0, by=PACKAGE):
     config = ROOT / "configs" / "experiment" / "giga-pile.toml"
     common = ("--rounds", str(rounds), "--seed", "31", "--threads", "1", "--set", "objects.count=2", "--set", "noise.kind=d435")
-    command = [*by, "experiment", "run", config, *common, *args, "--out", out]
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300)
-    assert done.returncode == code, done.stderr
-    return done
-
-
-def rounds_of(out):
-    lines = [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()]
-    return [line for line in lines if "ending" in line]
+    return ran(*by, "experiment", "run", config, *common, *args, "--out", out, code=code, timeout=300)
 
 
 def points(array):
@@ -148,26 +140,8 @@ def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path):
 
 
 def test_a_planner_that_says_a_byte_now_and_then_is_too_late(tmp_path):
-    class Slow(BaseHTTPRequestHandler):
-        def log_message(self, *_):
-            pass
-
-        def do_GET(self):
-            self.wfile.write(b"HTTP/1.1 200 OK\r\n")
-            with suppress(OSError):
-                while not done.wait(0.1):
-                    self.wfile.write(b"a")
-
-    done, server = threading.Event(), ThreadingHTTPServer(("127.0.0.1", 0), Slow)
-    server.daemon_threads = True
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    url = f"http://127.0.0.1:{server.server_port}/predict"
-    try:
+    with planner(None, SLOW) as (url, _):
         assert "no answer in time" in run(tmp_path / "run", "--planner", url, "--planner-timeout-s", "1", code=75).stderr
-    finally:
-        done.set()
-        server.shutdown()
-        server.server_close()
 
 
 def test_a_run_whose_planner_is_gone_ends_and_goes_on_when_it_is_back(tmp_path):
@@ -183,12 +157,6 @@ def test_a_run_whose_planner_is_gone_ends_and_goes_on_when_it_is_back(tmp_path):
 def test_the_static_program_says_who_asks(tmp_path):
     said = run(tmp_path / "run", "--planner", "http://127.0.0.1:1/predict", code=2, by=[program("graspmill")]).stderr
     assert "the program of the Python package asks" in said
-
-
-def test_a_planner_without_grasps_is_no_fault(tmp_path):
-    with planner(lambda _: grasps(), {"fingertip_depth": 0.1}) as (url, _):
-        run(tmp_path / "run", "--planner", url)
-    assert rounds_of(tmp_path / "run")[0]["ending"] == "no_grasp"
 
 
 def test_what_is_not_known_of_a_planner_is_asked_for(tmp_path):

@@ -3,8 +3,7 @@
 import json
 import re
 import struct
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -12,7 +11,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
-IMPORT = [sys.executable, "-m", "graspmill", "objects", "import"]
+from programs import packaged  # noqa: E402
+
 MODEL = """
 <mujoco>
   <compiler meshdir="parts"/>
@@ -61,10 +61,29 @@ def imported(folder: Path, *more: object) -> dict:
 
 def all_imported(folder: Path, *more: object) -> dict[str, dict]:
     """The objects of a folder by name."""
-    command = [*IMPORT, folder, "--out", folder / "x.toml", "--json", "--drops", 0, *more]
-    ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
-    assert ended.returncode == 0, ended.stderr
-    return {body["name"]: body for body in json.loads(ended.stdout)["objects"]}
+    told = packaged("objects", "import", folder, "--out", folder / "x.toml", "--json", "--drops", 0, *more).stdout
+    return {body["name"]: body for body in json.loads(told)["objects"]}
+
+
+def refused(folder: Path, ending: str, cases: list[tuple], written: Callable) -> None:
+    """Each case, a change and a message, is left out with its file and the message; one file is right."""
+    (folder / "right.obj").write_text(corner_obj())
+    files = [folder / f"{number}{ending}" for number in range(len(cases))]
+    for file, (change, _) in zip(files, cases):
+        file.write_bytes(written(change))
+    words = ["objects", "import", folder / "right.obj", *files, "--out", folder / "x.toml", "--json", "--drops", 0, "--scale", 1]
+    left_out = json.loads(packaged(*words, code=66).stdout)["left_out"]
+    assert [Path(one["file"]) for one in left_out] == files
+    for file, (_, message), one in zip(files, cases, left_out):
+        assert str(file) in one["reason"] and message in one["reason"], (message, one)
+
+
+def placed(folder: Path) -> None:
+    """The wedge as the models name it."""
+    (folder / "parts").mkdir()
+    lines = [*("v {} {} {}".format(*corner) for corner in WEDGE), *("f {} {} {}".format(*(face + 1)) for face in FACES)]
+    (folder / "parts" / "wedge.obj").write_text("\n".join(lines))
+    (folder / "parts" / "wedge.msh").write_bytes(msh())
 
 
 def points_of(model: mujoco.MjModel, count: int = 200_000) -> np.ndarray:
@@ -99,10 +118,7 @@ def points_of(model: mujoco.MjModel, count: int = 200_000) -> np.ndarray:
 @pytest.mark.parametrize(("round_shapes", "near_m"), [("cylinder|capsule|ellipsoid", 1e-6), ("nothing", 6e-4)])
 def test_a_model_of_mujoco_is_where_mujoco_has_it(tmp_path, round_shapes, near_m):
     model = "\n".join(line for line in MODEL.splitlines() if not re.search(f'type="({round_shapes})"', line))
-    (tmp_path / "parts").mkdir()
-    lines = [*("v {} {} {}".format(*corner) for corner in WEDGE), *("f {} {} {}".format(*(face + 1)) for face in FACES)]
-    (tmp_path / "parts" / "wedge.obj").write_text("\n".join(lines))
-    (tmp_path / "parts" / "wedge.msh").write_bytes(msh())
+    placed(tmp_path)
     (tmp_path / "model.xml").write_text(model)
     (tmp_path / "package.xml").write_text("<package/>")  # of a robot's software, no model
     body = imported(tmp_path)
@@ -141,23 +157,16 @@ def test_a_urdf_is_one_body_of_its_links(tmp_path):
     assert imported(tmp_path / "urdf", "--density", 500, "--force")["mass_kg"] == pytest.approx(500 * 8.8e-5, rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
+def test_what_a_urdf_says_wrongly_leaves_it_out_and_the_others_go_on(tmp_path):
+    cases = [
         (("</robot>", ""), "no element found"),
         (('size="0.02 0.04 0.01"', 'size="0.02 0.04"'), "size"),
         (('mass value="0.1"', 'mass value="-0.1"'), "the mass of a link must be 0 or more, got -0.1"),
         (("corner.obj", "gone.obj"), "gone.obj"),
         (("<robot", "<robots"), "mismatched tag"),
-    ],
-)
-def test_what_a_urdf_says_wrongly_leaves_it_out_and_the_others_go_on(tmp_path, wrong, message):
-    for name in ("corner.obj", "other.obj"):
-        (tmp_path / name).write_text(corner_obj())
-    (tmp_path / "two.urdf").write_text(ROBOT.replace(*wrong))
-    ended = subprocess.run([*IMPORT, str(tmp_path), "--out", str(tmp_path / "x.toml"), "--drops", "0"], capture_output=True, text=True, check=False)
-    told = [line for line in ended.stderr.splitlines() if line.startswith("left out: ")]
-    assert ended.returncode == 66 and len(told) == 1 and message in told[0] and str(tmp_path / "two.urdf") in told[0], ended
+    ]
+    (tmp_path / "corner.obj").write_text(corner_obj())
+    refused(tmp_path, ".urdf", cases, lambda wrong: ROBOT.replace(*wrong).encode())
 
 
 def random_pose(dice: np.random.Generator) -> str:
@@ -231,9 +240,7 @@ def test_random_models_of_mujoco_weigh_and_reach_what_mujoco_says(tmp_path):
     """Frames, copies, includes, classes, densities, `inertial` and all ways to turn a body, nested in each other."""
     mujoco.set_mju_user_warning(lambda message: None)  # it would write them to a file in the working folder
     dice = np.random.default_rng(45)
-    (tmp_path / "parts").mkdir()
-    lines = [*("v {} {} {}".format(*corner) for corner in WEDGE), *("f {} {} {}".format(*(face + 1)) for face in FACES)]
-    (tmp_path / "parts" / "wedge.obj").write_text("\n".join(lines))
+    placed(tmp_path)
     (tmp_path / "parts" / "corner.obj").write_text(corner_obj())
     for number in range(20):
         (tmp_path / f"m{number}.xml").write_text(random_model(dice, tmp_path / "parts"))
@@ -269,9 +276,8 @@ def test_the_inertia_of_a_model_is_mujocos(tmp_path):
         assert body["centre_of_mass_m"] == pytest.approx(list(data.xipos[1]), abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
+def test_what_a_model_says_wrongly_is_named(tmp_path):
+    cases = [
         (("quat=", "shellinertia="), "Element 'geom'"),
         (("<geom mass", '<frame><attach model="a" body="b" prefix="c"/></frame><geom mass'), "could not find model 'a'"),
         (('meshdir="parts"', 'meshdir="parts" eulerseq="xyw"'), "euler"),
@@ -279,23 +285,19 @@ def test_the_inertia_of_a_model_is_mujocos(tmp_path):
         (('size="0.01 0.02 0" pos="0 0.03 0"', 'size="0.01 0 0.02" pos="0 0.03 0"'), "size 1 must be positive"),
         (('"mirrored" file="wedge.obj"', '"mirrored" file="gone.obj"'), "gone.obj"),
         (("<worldbody>", '<include file="a.xml"/><worldbody>'), "a.xml"),
-        (("<worldbody>", '<include file="model.xml"/><worldbody>'), "model.xml"),
+        (("<worldbody>", '<include file="7.xml"/><worldbody>'), "7.xml"),  # itself
         (("<mujoco>", "<mujocoinclude>"), "mujocoinclude"),
         (("<geom mass", '<replicate count="100000"><geom size="0.01 0.01 0.01"/></replicate><geom mass'), "at most 10000 elements"),
         (("</mujoco>", ""), "XML"),
-    ],
-)
-def test_what_a_model_says_wrongly_is_named(tmp_path, wrong, message):
-    file = tmp_path / "model.xml"
-    assert wrong[0] in MODEL
-    text = MODEL.replace(*wrong)
-    file.write_text(text.replace("</mujoco>", "</mujocoinclude>") if "<mujocoinclude>" in text else text)
-    (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "wedge.msh").write_bytes(msh())
-    (tmp_path / "parts" / "wedge.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
-    command = [*IMPORT, file, "--out", tmp_path / "x.toml"]
-    ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
-    assert ended.returncode == 65 and message in ended.stderr and str(file) in ended.stderr, ended
+    ]
+    placed(tmp_path)
+
+    def written(wrong):
+        assert wrong[0] in MODEL
+        text = MODEL.replace(*wrong)
+        return (text.replace("</mujoco>", "</mujocoinclude>") if "<mujocoinclude>" in text else text).encode()
+
+    refused(tmp_path, ".xml", cases, written)
 
 
 def msh() -> bytes:
@@ -365,15 +367,13 @@ def repeat(document: dict, times: int) -> None:
     document["meshes"] = [{"primitives": document["meshes"][0]["primitives"] * 1000}]
 
 
-@pytest.mark.parametrize(
-    ("break_it", "message"),
-    [
+def test_a_damaged_binary_gltf_is_refused(tmp_path):
+    cases = [
         (lambda document: document["accessors"][0].update(count=5), "accessor 0 must lie within its view"),
         (lambda document: document["accessors"][1].update(byteOffset=4), "accessor 1 must lie within its view"),
         (lambda document: document["bufferViews"][1].update(byteLength=1000), "must lie within"),
         (lambda document: document["buffers"][0].update(uri="a.bin"), "its buffers must be in the file"),
-        (lambda document: document.update(extensionsRequired=["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
-        (lambda document: compress(document), "it requires KHR_draco_mesh_compression"),
+        (compress, "it requires KHR_draco_mesh_compression"),
         (lambda document: document["accessors"][1].update(componentType=5126, count=6), "whole numbers"),
         (lambda document: document["accessors"][0].update(componentType=5123), "three floats"),
         (lambda document: document["accessors"][0].update(type="VEC2"), "three floats"),
@@ -384,25 +384,12 @@ def repeat(document: dict, times: int) -> None:
         (lambda document: document.update(nodes=[{"children": [i + 1, i + 1]} for i in range(60)] + [{"mesh": 0}]), "a tree"),
         (lambda document: document.update(scenes=[{"nodes": [0, 0]}]), "a tree"),
         (lambda document: repeat(document, 1000), "at most 1000000 triangles"),
-    ],
-)
-def test_a_damaged_binary_gltf_is_refused(tmp_path, break_it, message):
-    document, blob = scene()
-    break_it(document)
-    file = tmp_path / "wedge.glb"
-    file.write_bytes(glb(document, blob))
-    command = [*IMPORT, file, "--out", tmp_path / "x.toml"]
-    ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
-    assert ended.returncode == 65 and message in ended.stderr and "panic" not in ended.stderr, ended
+    ]
 
+    def written(break_it):
+        document, blob = scene()
+        break_it(document)
+        return glb(document, blob)
 
-def test_no_byte_of_a_binary_gltf_ends_it_badly(tmp_path):
-    whole, file, dice = glb(*scene()), tmp_path / "wedge.glb", np.random.default_rng(4)
-    for _ in range(60):
-        damaged = bytearray(whole)
-        for place in dice.integers(len(whole), size=3):
-            damaged[place] = dice.integers(256)
-        file.write_bytes(damaged[: dice.integers(len(whole) // 2, len(whole) + 1)])
-        command = [*IMPORT, file, "--out", tmp_path / "x.toml", "--force", "--drops", "0"]
-        ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
-        assert ended.returncode in (0, 65, 78) and "panic" not in ended.stderr, ended
+    refused(tmp_path, ".glb", cases, written)
+    packaged("objects", "import", tmp_path / "0.glb", "--out", tmp_path / "y.toml", code=65)

@@ -1,26 +1,17 @@
-"""A judge in ONNX, given what scripts/judge_onnx.py computes, says what `graspmill plan` says.
-
-    python -m pytest tests/python/test_judge_onnx.py
-"""
+"""A judge in ONNX, given what scripts/judge_onnx.py computes, says what `graspmill plan` says."""
 
 import json
-import subprocess
 import sys
 
 import numpy as np
 import pytest
-from programs import ROOT
+from programs import ROOT, packaged, ran
 
 from judge_onnx import OUTCOMES, Judge, hands_of  # noqa: E402
 
 pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 # A TSDF does not say from how many views it was made; the planner then assumes six.
 VIEWS = 6
-
-
-def run(*args):
-    done = subprocess.run([sys.executable, "-m", "graspmill", *map(str, args)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, f"{args}: {done.returncode}: {done.stderr}"
 
 
 def tsdf():
@@ -37,9 +28,9 @@ def tsdf():
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("judge")
-    run("weights", "export", ROOT / "models/judge.safetensors", "--format", "onnx", "--out", place / "judge.onnx")
+    packaged("weights", "export", ROOT / "models/judge.safetensors", "--format", "onnx", "--out", place / "judge.onnx")
     np.save(place / "scene.npy", tsdf())
-    run("plan", "--tsdf", place / "scene.npy", "--explain", "--quiet", "--out", place / "plan.json")
+    packaged("plan", "--tsdf", place / "scene.npy", "--explain", "--quiet", "--out", place / "plan.json")
     return place
 
 
@@ -71,18 +62,11 @@ def test_an_export_says_what_it_was_trained_for(folder):
     assert judge.hand["name"] == "parallel_jaw_80"
     assert judge.grid == {"resolution": 40, "size_m": 0.3, "table_z_m": 0.05}
     shapes = {put.name: put.shape for put in (*judge.session.get_inputs(), *judge.session.get_outputs())}
-    assert shapes == {
-        "crop": ["batch", 4, 8, 20, 28],
-        "surroundings": ["batch", 3, 12, 8, 8],
-        "facts": ["batch", 16],
-        "outcomes": ["batch", 6],
-    }
+    expected = {"crop": [4, 8, 20, 28], "surroundings": [3, 12, 8, 8], "facts": [16], "outcomes": [6]}
+    assert shapes == {name: ["batch", *shape] for name, shape in expected.items()}
 
 
 def test_the_script_prints_the_outcomes(folder):
-    arguments = [folder / "judge.onnx", folder / "scene.npy", folder / "plan.json"]
-    script = [sys.executable, ROOT / "scripts/judge_onnx.py", *arguments]
-    done = subprocess.run([str(word) for word in script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
+    names = ("judge.onnx", "scene.npy", "plan.json")
+    lines = ran(sys.executable, ROOT / "scripts/judge_onnx.py", *names, cwd=folder).stdout.splitlines()
     assert lines[0].split() == ["hand", *OUTCOMES] and len(lines) > 10

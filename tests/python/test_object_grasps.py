@@ -2,33 +2,11 @@
 
 import dataclasses
 import json
-import subprocess
-import sys
-import zipfile
 
 import numpy as np
 import pytest
-from grasp_sets import (
-    ABOVE,
-    BASE_M,
-    ENDINGS,
-    FORMATS,
-    ObjectGrasps,
-    again,
-    graspmill,
-    many,
-    needs,
-    one_above,
-    read_grasps,
-    refused,
-    saved,
-)
-
-BOX = "\n".join(
-    [f"v {x} {y} {z}" for z in (-0.025, 0.025) for y in (-0.03, 0.03) for x in (-0.02, 0.02)]
-    + ["f 1 3 4 2", "f 5 6 8 7", "f 1 2 6 5", "f 3 7 8 4", "f 1 5 7 3", "f 2 4 8 6", ""]
-)
-
+from grasp_sets import ABOVE, BASE_M, ENDINGS, FORMATS, ObjectGrasps, again, box_obj, graspmill, many, needs, one_above, read_grasps, refused, saved
+from programs import packaged
 
 # Where a hand is that comes from straight above, by hand.
 
@@ -43,6 +21,7 @@ def test_acronyms_frame_is_the_base_of_the_hand_with_x_closing(tmp_path):
 
 def test_graspgens_frame_is_the_base_of_the_hand_with_x_closing(tmp_path):
     told = json.loads(saved(one_above(), tmp_path, "graspgen").read_text())
+    assert told["object"] == {"file": "meshes/mug.obj", "scale": 0.001} and told["grasps"]["object_in_gripper"] == [True]
     want = [[[0, 1, 0, 0.01], [1, 0, 0, 0.02], [0, 0, -1, 0.1423], [0, 0, 0, 1]]]
     np.testing.assert_allclose(told["grasps"]["transforms"], want, atol=1e-12)
     assert told["gripper"] == {"name": "franka_hand", "width": 0.08, "depth": BASE_M}
@@ -50,7 +29,9 @@ def test_graspgens_frame_is_the_base_of_the_hand_with_x_closing(tmp_path):
 
 def test_isaac_grasps_frame_is_the_base_of_the_hand_with_y_closing(tmp_path):
     path = saved(one_above(), tmp_path, "isaac_grasp")
-    grasp = pytest.importorskip("yaml").safe_load(path.read_text())["grasps"]["grasp_0"]
+    told = pytest.importorskip("yaml").safe_load(path.read_text())
+    grasp = told["grasps"]["grasp_0"]
+    assert (told["format"], float(told["format_version"])) == ("isaac_grasp", 1.0)
     assert grasp["position"] == [0.01, 0.02, 0.1423] and grasp["confidence"] == 1.0
     assert (grasp["orientation"]["w"], np.abs(grasp["orientation"]["xyz"]).tolist()) == (0.0, [0.0, 1.0, 0.0])
     assert grasp["cspace_position"] == {"panda_finger_joint1": 0.025}
@@ -60,12 +41,15 @@ def test_isaac_grasps_frame_is_the_base_of_the_hand_with_y_closing(tmp_path):
 def test_molmospaces_frame_is_ours(tmp_path):
     with np.load(saved(one_above(), tmp_path, "molmospaces")) as file:
         np.testing.assert_array_equal(file["transforms"], ABOVE[None])
+        assert file.files == ["transforms"] and file["transforms"].dtype == np.float64
+        assert np.lib.format.read_magic(file.zip.open("transforms.npy")) == (1, 0)  # it reads the header by itself
 
 
 def test_graspnets_centre_is_20_mm_behind_the_tips_with_x_approach(tmp_path):
     told = np.load(saved(one_above(friction_min=[0.3]), tmp_path, "graspnet"))
     want = [0.8, 0.05, 0.021, 0.02, 0, 0, 1, 0, 1, 0, -1, 0, 0, 0.01, 0.02, 0.05, -1]
     np.testing.assert_allclose(told, [want], atol=1e-12)
+    assert told.dtype == np.float64
 
 
 def test_files_that_close_along_the_other_axis(tmp_path):
@@ -123,29 +107,17 @@ def test_what_is_read_is_written_again(tmp_path, form):
     assert twice.info == once.info
 
 
-def test_a_set_goes_from_format_to_format(tmp_path):
-    for form in FORMATS:
-        needs(form)
-    grasps = many().subset(many().held)
-    for form in FORMATS:
-        path = dataclasses.replace(grasps, held=np.ones(len(grasps), bool)).save(tmp_path / f"set.{ENDINGS[form]}")
-        grasps = dataclasses.replace(again(path, form), base_to_tips_m=BASE_M)
-    np.testing.assert_allclose(grasps.object_from_grasp, many().subset(many().held).object_from_grasp, atol=2e-7)
-
-
 # What the program writes.
 
 
 @pytest.fixture(scope="module", params=["franka_hand", "parallel_jaw_80"])
 def annotated(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
-    (folder / "box.obj").write_text(BOX)
+    (folder / "box.obj").write_text(box_obj((0.04, 0.06, 0.05), (-0.02, -0.03, -0.025)))
     for package in ("h5py", "yaml"):
         pytest.importorskip(package, reason=f"{package} is not installed: scripts/requirements.txt has it")
-    words = ["objects", "annotate", "box.obj", "--gripper", request.param, "--grasps", "120", "--drops", "10"]
-    words += ["--scale", "1", "--margins", "--repeats", "2", "--format", ",".join(FORMATS), "--out", "grasps"]
-    done = subprocess.run([sys.executable, "-m", "graspmill", *words], cwd=folder, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    words = ["--gripper", request.param, "--grasps", "80", "--drops", "10", "--scale", "1", "--margins", "--repeats", "2"]
+    packaged("objects", "annotate", "box.obj", *words, "--format", ",".join(FORMATS), "--out", "grasps", cwd=folder)
     return folder / "grasps", request.param
 
 
@@ -154,8 +126,8 @@ def test_a_set_of_the_program_is_its_parquet(annotated):
     folder, hand = annotated
     grasps, rows = ObjectGrasps.load(folder / "box.parquet"), parquet.read_table(folder / "box.parquet").to_pylist()
     info = json.loads((folder / "box.json").read_text())
-    assert len(grasps) == len(rows) == 120 and grasps.info == info
-    assert info["outcomes"]["held"] == grasps.held.sum() > 20
+    assert len(grasps) == len(rows) == 80 and grasps.info == info
+    assert info["outcomes"]["held"] == grasps.held.sum() > 12
     assert (grasps.name, grasps.file, grasps.scale_m) == ("box", "box.obj", 1.0)
     assert grasps.base_to_tips_m == pytest.approx({"franka_hand": 0.1123, "parallel_jaw_80": 0.09}[hand])
     assert set(grasps.outcome) <= set(graspmill.OUTCOMES) and set(grasps.source) <= {"antipodal", "normal", "displaced"}
@@ -200,9 +172,7 @@ def test_acronym_tools_reads_a_file(tmp_path):
         assert data["object/file"][()].decode("utf-8") == "meshes/a mug.obj" and data["object/scale"][()] == 0.25
         transforms = np.array(data["grasps/transforms"])
         success = np.array(data["grasps/qualities/flex/object_in_gripper"])
-        assert transforms.shape == (50, 4, 4) and transforms.dtype == np.float64
-        assert success.shape == (50,) and success.dtype == np.int64 and set(success.tolist()) == {0, 1}
-        np.testing.assert_allclose(np.linalg.det(transforms[:, :3, :3]), 1.0)
+        assert (transforms.shape, transforms.dtype) == ((50, 4, 4), np.float64) and (success.dtype, set(success.tolist())) == (np.int64, {0, 1})
         assert data["gripper/type"][()].decode() == "franka_hand"
         assert data["gripper/configuration"][()].tolist() == [0.04]
         # Its products of inertia have the other sign.
@@ -219,46 +189,6 @@ def test_acronyms_unknown_datasets_are_left_out(tmp_path):
         # The motion during another test is not that during a shake.
         assert set(data["grasps/qualities/flex"]) == {"object_in_gripper", "object_motion_during_closing_angular"}
         assert set(data["object"]) == {"file", "scale"} and set(data["gripper"]) == {"type"}
-
-
-def test_graspgen_reads_a_file(tmp_path):
-    data = json.loads(saved(many(), tmp_path, "graspgen").read_text())
-    assert isinstance(data["object"]["file"], str) and isinstance(data["object"]["scale"], float)
-    poses, mask = np.array(data["grasps"]["transforms"]), np.array(data["grasps"]["object_in_gripper"])
-    assert mask.dtype == np.bool_ and len(poses[mask]) + len(poses[~mask]) == 50 and poses.shape == (50, 4, 4)
-    assert data["grasps"]["contacts_m"][0] == [None, None]
-
-
-def test_isaac_sim_reads_a_file(tmp_path):
-    yaml = pytest.importorskip("yaml")
-    data = yaml.safe_load(saved(many(), tmp_path, "isaac_grasp").read_text())
-    assert data["format"] == "isaac_grasp" and float(data["format_version"]) == 1.0
-    for number, (name, grasp) in enumerate(data["grasps"].items()):
-        assert name == f"grasp_{number}" and grasp["confidence"] in (0.0, 1.0)
-        numbers = [*grasp["position"], *grasp["orientation"]["xyz"], grasp["orientation"]["w"]]
-        assert len(numbers) == 7 and all(isinstance(one, float) for one in numbers)
-        assert np.linalg.norm(numbers[3:]) == pytest.approx(1.0, abs=1e-7)
-        assert ("cspace_position" in grasp) == (number % 3 > 0)
-
-
-def test_molmospaces_reads_the_header_of_a_file(tmp_path):
-    with zipfile.ZipFile(saved(many(), tmp_path, "molmospaces")) as files:
-        assert files.namelist() == ["transforms.npy"]
-        with files.open("transforms.npy") as file:
-            assert np.lib.format.read_magic(file) == (1, 0)
-            shape, _, dtype = np.lib.format.read_array_header_1_0(file)
-    assert shape == (33, 4, 4) and dtype == np.float64
-
-
-def test_graspnets_array_is_what_its_api_takes(tmp_path):
-    rows = np.load(saved(many(), tmp_path, "graspnet"))
-    assert rows.shape == (33, 17) and rows.dtype == np.float64 and (rows[:, 16] == -1).all()
-    rotations = rows[:, 4:13].reshape(-1, 3, 3)
-    np.testing.assert_allclose(rotations @ rotations.transpose(0, 2, 1), np.tile(np.eye(3), (33, 1, 1)), atol=1e-12)
-    np.testing.assert_allclose(np.linalg.det(rotations), 1.0)
-    # Its fingers end at x = depth: there are our origins.
-    tips = rows[:, 13:16] + rows[:, 3:4] * rotations[:, :, 0]
-    np.testing.assert_allclose(tips, many().object_from_grasp[many().held, :3, 3], atol=1e-12)
 
 
 # Files that others wrote.
@@ -290,10 +220,7 @@ grasps:
     pregrasp_cspace_position: {panda_finger_joint1: 0.04}
     pregrasp_position: [0.0, 0.0, 0.0]
     pregrasp_orientation: {w: 1.0, xyz: [0.0, 0.0, 0.0]}
-  b:
-    confidence: 0.0
-    position: [0.0, 0.0, 0.0]
-    orientation: {w: 1.0, xyz: [0.0, 0.0, 0.0]}
+  b: {confidence: 0.0, position: [0.0, 0.0, 0.0], orientation: {w: 1.0, xyz: [0.0, 0.0, 0.0]}}
 """
     )
     grasps = read_grasps(tmp_path / "mug.yaml", gripper="franka_hand")

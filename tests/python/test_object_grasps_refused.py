@@ -6,49 +6,34 @@ import sys
 
 import numpy as np
 import pytest
+from programs import changed
 from grasp_sets import ABOVE, ENDINGS, ObjectGrasps, again, many, one_above, read_grasps, refused
-
-
-def without(data, *keys):
-    inner = data
-    for key in keys[:-1]:
-        inner = inner[key]
-    del inner[keys[-1]]
-    return data
-
-
-def changed(data, value, *keys):
-    inner = data
-    for key in keys[:-1]:
-        inner = inner[key]
-    inner[keys[-1]] = value
-    return data
 
 
 def test_damaged_graspgen_files_are_refused(tmp_path):
     path = many(3).save(tmp_path / "set.json")
-    text = path.read_text()
-    bad = np.eye(4).tolist()
-    for match, value in {
-        "object must be in the file.*set.json": without(json.loads(text), "object"),
-        "grasps.transforms must be in the file": without(json.loads(text), "grasps", "transforms"),
-        "grasps.object_in_gripper must be in": without(json.loads(text), "grasps", "object_in_gripper"),
-        "object.scale must be a number": changed(json.loads(text), None, "object", "scale"),
-        "object.file must be a text": changed(json.loads(text), 3, "object", "file"),
-        r"shape \[N, 4, 4\]": changed(json.loads(text), [bad[:3]] * 3, "grasps", "transforms"),
-        "rows of several lengths": changed(json.loads(text), [bad, bad[:2]], "grasps", "transforms"),
-        "must be finite": changed(json.loads(text), np.full((3, 4, 4), np.nan).tolist(), "grasps", "transforms"),
-        "reflection": changed(json.loads(text), [np.diag([1, 1, -1, 1.0]).tolist()] * 3, "grasps", "transforms"),
-        r"shape \[3\]": changed(json.loads(text), [True], "grasps", "object_in_gripper"),
-        "true or false": changed(json.loads(text), [0.5, 1, 2], "grasps", "object_in_gripper"),
-        "gripper.depth must be between": changed(json.loads(text), -1, "gripper", "depth"),
-        "contacts_m must be 3 pairs": changed(json.loads(text), [None], "grasps", "contacts_m"),
-        "base_to_tips_m or gripper must be given": without(json.loads(text), "gripper", "depth"),
-        "grasps must be a mapping": changed(json.loads(text), [], "grasps"),
-        "the file must be a mapping": [1],
-    }.items():
-        path.write_text(json.dumps(value))
+    whole, bad = json.loads(path.read_text()), np.eye(4).tolist()
+    for match, *change in (
+        ("object must be in the file.*set.json", "object"),
+        ("grasps.transforms must be in the file", "grasps.transforms"),
+        ("grasps.object_in_gripper must be in", "grasps.object_in_gripper"),
+        ("object.scale must be a number", "object.scale", None),
+        ("object.file must be a text", "object.file", 3),
+        (r"shape \[N, 4, 4\]", "grasps.transforms", [bad[:3]] * 3),
+        ("rows of several lengths", "grasps.transforms", [bad, bad[:2]]),
+        ("must be finite", "grasps.transforms", np.full((3, 4, 4), np.nan).tolist()),
+        ("reflection", "grasps.transforms", [np.diag([1, 1, -1, 1.0]).tolist()] * 3),
+        (r"shape \[3\]", "grasps.object_in_gripper", [True]),
+        ("true or false", "grasps.object_in_gripper", [0.5, 1, 2]),
+        ("gripper.depth must be between", "gripper.depth", -1),
+        ("contacts_m must be 3 pairs", "grasps.contacts_m", [None]),
+        ("base_to_tips_m or gripper must be given", "gripper.depth"),
+        ("grasps must be a mapping", "grasps", []),
+    ):
+        path.write_text(json.dumps(changed(whole, *change)))
         refused(match, lambda: read_grasps(path))
+    path.write_text("[1]")
+    refused("the file must be a mapping", lambda: read_grasps(path))
     for text in ("", "{", "[" * 100_000, "\x00\xff"):
         path.write_text(text)
         refused("the file must be JSON", lambda: read_grasps(path))
@@ -57,22 +42,21 @@ def test_damaged_graspgen_files_are_refused(tmp_path):
 def test_damaged_isaac_grasp_files_are_refused(tmp_path):
     yaml = pytest.importorskip("yaml")
     path = many(2).save(tmp_path / "set.yaml")
-    text = path.read_text()
-    grasp = ("grasps", "grasp_1")
-    for match, value in {
-        "format must be isaac_grasp, got 'other'": changed(yaml.safe_load(text), "other", "format"),
-        "grasps must be in the file": without(yaml.safe_load(text), "grasps"),
-        "grasps must be a mapping": changed(yaml.safe_load(text), None, "grasps"),
-        "grasp_1.position must be in": without(yaml.safe_load(text), *grasp, "position"),
-        "grasp_1.position must be 3 numbers": changed(yaml.safe_load(text), [1.0], *grasp, "position"),
-        "grasp_1.position must be between": changed(yaml.safe_load(text), [1.0, float("nan"), 0.0], *grasp, "position"),
-        "orientation.xyz must be in": without(yaml.safe_load(text), *grasp, "orientation", "xyz"),
-        "must have the length 1": changed(yaml.safe_load(text), 3e-1, *grasp, "orientation", "w"),
-        "confidence must be a number": changed(yaml.safe_load(text), "high", *grasp, "confidence"),
-        "cspace_position must be a mapping": changed(yaml.safe_load(text), [1], *grasp, "cspace_position"),
-        "approach_axis must be 2": changed(yaml.safe_load(text), 0, "approach_axis"),
-    }.items():
-        path.write_text(yaml.safe_dump(value))
+    whole, grasp = yaml.safe_load(path.read_text()), "grasps.grasp_1"
+    for match, *change in (
+        ("format must be isaac_grasp, got 'other'", "format", "other"),
+        ("grasps must be in the file", "grasps"),
+        ("grasps must be a mapping", "grasps", None),
+        ("grasp_1.position must be in", f"{grasp}.position"),
+        ("grasp_1.position must be 3 numbers", f"{grasp}.position", [1.0]),
+        ("grasp_1.position must be between", f"{grasp}.position", [1.0, float("nan"), 0.0]),
+        ("orientation.xyz must be in", f"{grasp}.orientation.xyz"),
+        ("must have the length 1", f"{grasp}.orientation.w", 3e-1),
+        ("confidence must be a number", f"{grasp}.confidence", "high"),
+        ("cspace_position must be a mapping", f"{grasp}.cspace_position", [1]),
+        ("approach_axis must be 2", "approach_axis", 0),
+    ):
+        path.write_text(yaml.safe_dump(changed(whole, *change)))
         refused(match, lambda: again(path, "isaac_grasp"))
     for text in ("{", "a: [", "x: !!python/object/apply:os.system [ls]", "\x00"):
         path.write_text(text)

@@ -4,16 +4,14 @@ grasps are in the camera's frame, and widths are measured."""
 import io
 import json
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
-graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+from grasp_sets import graspmill, refused
+from programs import packaged  # noqa: E402
 
-PLAN = [sys.executable, "-m", "graspmill", "plan", "--json", "--quiet"]
 K = [[540.0, 0.0, 320.0], [0.0, 540.0, 240.0], [0.0, 0.0, 1.0]]
 SHAPE = (480, 640)
 BOX = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))
@@ -71,23 +69,28 @@ MISTAKES = {
 }  # fmt: skip
 
 
-def commanded(folder, depth_m, pose, matrix=K, **more):
-    """What the command says of the same view."""
+def commanded(folder, depth_m, pose, matrix=K, code=0, **more):
+    """What the command says of the same view: its warnings, or its error."""
     np.save(folder / "depth.npy", depth_m.astype(np.float32))
     at = graspmill.Camera.from_K(K, SHAPE, pose)._pose()
     view = {"depth": "depth.npy", "workspace_from_camera": {"position_m": at[:3], "quaternion_xyzw": at[3:]}}
     lens = {"fx_px": matrix[0][0], "fy_px": matrix[1][1], "cx_px": matrix[0][2], "cy_px": matrix[1][2]}
     (folder / "views.json").write_text(json.dumps({"intrinsics": lens, "views": [view | more]}))
-    return subprocess.run([*PLAN, "--views", folder / "views.json"], capture_output=True, text=True)
+    done = packaged("plan", "--json", "--quiet", "--views", folder / "views.json", code=code)
+    return done.stderr if code else json.loads(done.stdout)["warnings"]
+
+
+def planned(*words):
+    """The command's answer."""
+    return json.loads(packaged("plan", "--json", "--quiet", *words).stdout)
 
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_in_a_frame_is_named_as_by_the_command(tmp_path, name):
     depth, pose, matrix, expected = MISTAKES[name]
     plan = PLANNER.plan(depth.astype(np.float32), graspmill.Camera.from_K(matrix, SHAPE, pose))
-    done = commanded(tmp_path, depth, pose, matrix)
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["warnings"] == plan.warnings
+    if name in ("none", "OpenGL", "10 degrees", "another size"):  # a start of the program costs as much as ten plans
+        assert commanded(tmp_path, depth, pose, matrix) == plan.warnings
     if expected is None:
         assert plan.warnings == []
         return
@@ -104,8 +107,7 @@ def test_a_pose_in_millimetres_is_named(tmp_path):
     """The command refuses so large a pose before it is tried."""
     plan = PLANNER.plan(DEPTH, graspmill.Camera.from_K(K, SHAPE, in_mm(POSE)))
     assert len(plan) == 0 and "if workspace_from_camera were in millimetres: views[0]" in plan.warnings[0]
-    done = commanded(tmp_path, DEPTH, in_mm(POSE))
-    assert done.returncode == 78 and "are these millimetres?: views[0].workspace_from_camera" in done.stderr
+    assert "are these millimetres?: views[0].workspace_from_camera" in commanded(tmp_path, DEPTH, in_mm(POSE), code=78)
 
 
 @pytest.mark.parametrize(
@@ -115,27 +117,23 @@ def test_depths_that_cannot_be_are_refused_as_by_the_command(tmp_path, scale, ex
     depth = (scale * DEPTH).astype(np.float32)
     with pytest.raises(graspmill.InputError, match=expected) as error:
         PLANNER.plan(depth, RIGHT)
-    done = commanded(tmp_path, depth, POSE)
-    assert done.returncode == 78 and str(error.value).removesuffix(": depth image 0") in done.stderr, done.stderr
+    assert str(error.value).removesuffix(": depth image 0") in commanded(tmp_path, depth, POSE, code=78)
 
 
 def test_few_depths_are_told_for_the_image_that_has_them(tmp_path):
     sparse = np.where(np.arange(640) % 20 == 0, DEPTH, 0.0)
     few = "only 5.0 % of the pixels have a depth"
     assert PLANNER.plan([DEPTH, sparse], [RIGHT, RIGHT]).warnings == [f"{few}: depth image 1"]
-    said = json.loads(commanded(tmp_path, sparse, POSE).stdout)["warnings"]
-    assert f"{few}: views[0].depth" in said
+    assert f"{few}: views[0].depth" in commanded(tmp_path, sparse, POSE)
 
 
 def test_a_png_in_tenths_of_a_millimetre_is_named_as_by_the_command(tmp_path):
     """As a RealSense D405 writes it, without depth_scale_m."""
     tenths = np.rint(DEPTH * 1e4).astype(np.uint16)
     Image.fromarray(tenths).save(tmp_path / "depth.png")
-    done = commanded(tmp_path, DEPTH, POSE, depth="depth.png")
     plan = PLANNER.plan(tenths.astype(np.float32) * np.float32(1e-3), RIGHT)
-    assert json.loads(done.stdout)["warnings"] == plan.warnings and "if the depths were 0.1" in plan.warnings[0]
-    again = commanded(tmp_path, DEPTH, POSE, depth="depth.png", depth_scale_m=1e-4)
-    assert json.loads(again.stdout)["warnings"] == []
+    assert commanded(tmp_path, DEPTH, POSE, depth="depth.png") == plan.warnings and "if the depths were 0.1" in plan.warnings[0]
+    assert commanded(tmp_path, DEPTH, POSE, depth="depth.png", depth_scale_m=1e-4) == []
 
 
 THINGS = [
@@ -144,7 +142,7 @@ THINGS = [
     graspmill.Object.cuboid((0.05, 0.08, 0.03), (0.05, 0.22, 0.065, 0, 0, 0.6, 0.8)),
 ]
 SCENE = graspmill.Scene(THINGS)
-EYES = ((0.15, -0.3, 0.5), (0.5, 0.3, 0.45), (0.0, 0.4, 0.6), (0.15, 0.1, 0.7))
+EYES = ((0.15, -0.3, 0.5), (0.5, 0.3, 0.45), (0.15, 0.1, 0.7))
 
 
 def seen_from(eye_m, scene=SCENE):
@@ -189,9 +187,7 @@ def test_the_command_finds_the_same_table(tmp_path):
     depth, camera, _ = seen_from(EYES[0])
     np.save(tmp_path / "depth.npy", depth)
     (tmp_path / "camera.json").write_text(json.dumps({"fx_px": 540.0, "fy_px": 540.0, "cx_px": 320.0, "cy_px": 240.0}))
-    words = ["--depth", tmp_path / "depth.npy", "--intrinsics", tmp_path / "camera.json"]
-    done = subprocess.run([*PLAN, *words], capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout) == PLANNER.plan(depth, camera).answer
+    assert planned("--depth", tmp_path / "depth.npy", "--intrinsics", tmp_path / "camera.json") == PLANNER.plan(depth, camera).answer
 
 
 def test_other_cameras_stand_in_the_frame_of_the_first():
@@ -208,8 +204,7 @@ def test_other_cameras_stand_in_the_frame_of_the_first():
     clouds = [plan.cloud() @ turn[:3, :3].T + turn[:3, 3] for plan, turn in zip((one, both), true_from_found)]
     far = [np.sum((abs(cloud[:, 1] - 0.18) < 0.004) & (cloud[:, 2] > 0.06) & (cloud[:, 2] < 0.09)) for cloud in clouds]
     assert far[0] == 0 and far[1] > 50, far
-    with pytest.raises(graspmill.InputError, match="workspace_from_camera must be given, got None"):
-        PLANNER.plan([first, second], [camera, camera])
+    refused("workspace_from_camera must be given, got None", lambda: PLANNER.plan([first, second], [camera, camera]))
 
 
 def points_of(depth):
@@ -227,9 +222,7 @@ def test_a_cloud_in_its_cameras_frame_is_enough(tmp_path):
     must_hold(plan, pose)
     assert plan.warnings == [] and plan.answer["table"]["sureness"] > 0.5
     np.save(tmp_path / "cloud.npy", points)
-    words = ["--cloud", tmp_path / "cloud.npy", "--workspace-from-cloud", "table"]
-    done = subprocess.run([*PLAN, *words], capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout) == plan.answer
+    assert planned("--cloud", tmp_path / "cloud.npy", "--workspace-from-cloud", "table") == plan.answer
     # With a pose it is a cloud in the workspace, seen from where the camera is.
     placed = PLANNER.plan_cloud(points, workspace_from_cloud=pose)
     moved = (points @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
@@ -240,44 +233,40 @@ def test_a_cloud_in_its_cameras_frame_is_enough(tmp_path):
     assert graspmill.execute(SCENE, placed.workspace_from_grasp[:5]).held.all()
 
 
+def rolled():
+    """What a camera that is rolled by a quarter turn sees, the camera without a pose, and the pose."""
+    quarter = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    pose = graspmill.Camera.look_at(EYES[0], (0.15, 0.15, 0.06)).workspace_from_camera @ quarter
+    return SCENE.render(graspmill.Camera.from_K(K, SHAPE, pose)), graspmill.Camera.from_K(K, SHAPE), pose
+
+
 def test_gravity_finds_the_table_of_a_camera_that_is_rolled():
-    upright = graspmill.Camera.look_at((0.15, -0.3, 0.5), (0.15, 0.15, 0.06)).workspace_from_camera
-    roll = np.eye(4)
-    roll[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
-    pose = upright @ roll
-    depth = SCENE.render(graspmill.Camera.from_K(K, SHAPE, pose))
-    camera, down = graspmill.Camera.from_K(K, SHAPE), -pose[2, :3]
+    depth, camera, pose = rolled()
+    down = -pose[2, :3]
     for plan in (
         PLANNER.plan(depth, camera, down=9.81 * down),
         PLANNER.plan_cloud(points_of(depth), workspace_from_cloud="table", down=down),
     ):
         must_be_on_the_table(plan, pose)
         must_hold(plan, pose)
-    with pytest.raises(graspmill.InputError, match="no table was found"):
-        PLANNER.plan(depth, camera, down=-down)
+    refused("no table was found", lambda: PLANNER.plan(depth, camera, down=-down))
 
 
 def test_a_camera_that_is_calibrated_to_the_base_gives_gravity_and_the_bases_frame(tmp_path):
-    """The base stands level with the table, turned and elsewhere; the camera is rolled by a quarter turn."""
-    upright = graspmill.Camera.look_at((0.15, -0.3, 0.5), (0.15, 0.15, 0.06)).workspace_from_camera
-    roll, base_from_true = np.eye(4), shifted(0.4, -0.2, 0.1) @ np.array([[0.6, -0.8, 0, 0], [0.8, 0.6, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    roll[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
-    pose = upright @ roll
-    depth, camera, base = SCENE.render(graspmill.Camera.from_K(K, SHAPE, pose)), graspmill.Camera.from_K(K, SHAPE), base_from_true @ pose
+    """The base stands level with the table, turned and elsewhere."""
+    depth, camera, pose = rolled()
+    base = shifted(0.4, -0.2, 0.1) @ np.array([[0.6, -0.8, 0, 0], [0.8, 0.6, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) @ pose
     plan = PLANNER.plan(depth, camera, base_from_camera=base)
     must_be_on_the_table(plan, pose)
     must_hold(plan, pose)
     cloud = PLANNER.plan_cloud(points_of(depth), workspace_from_cloud="table", base_from_camera=base)
     for grasp in [*plan, *cloud]:
         assert np.allclose(grasp.base_from_grasp, base @ grasp.camera_from_grasp, atol=5e-6)
-    with pytest.raises(graspmill.InputError, match="no table was found"):
-        PLANNER.plan(depth, camera, base_from_camera=base, down=pose[2, :3])
+    refused("no table was found", lambda: PLANNER.plan(depth, camera, base_from_camera=base, down=pose[2, :3]))
     np.save(tmp_path / "depth.npy", depth)
     np.savetxt(tmp_path / "K.txt", K)
     at = ",".join(repr(part) for part in graspmill.Camera.from_K(K, SHAPE, base)._pose())
-    words = ["--depth", tmp_path / "depth.npy", "--intrinsics", tmp_path / "K.txt", f"--base-from-camera={at}"]
-    done = subprocess.run([*PLAN, *words], capture_output=True, text=True, check=True)
-    said = json.loads(done.stdout)["grasps"]
+    said = planned("--depth", tmp_path / "depth.npy", "--intrinsics", tmp_path / "K.txt", f"--base-from-camera={at}")["grasps"]
     assert len(said) == len(plan) and said[0]["camera_from_grasp"] == plan.answer["grasps"][0]["camera_from_grasp"]
     assert np.allclose(said[0]["base_from_grasp"]["position_m"], plan[0].base_from_grasp[:3, 3], atol=5e-6)
 
@@ -300,8 +289,7 @@ def test_what_contradicts_itself_is_refused():
         ("only a plan finds the table", lambda: SCENE.render(camera)),
         ("only a plan finds the table", lambda: graspmill.tsdf([depth], [camera])),
     ):
-        with pytest.raises(graspmill.InputError, match=expected):
-            call()
+        refused(expected, call)
 
 
 HAND = graspmill.Gripper.load("franka_hand")
@@ -309,11 +297,10 @@ FRANKA = graspmill.Planner(gripper=HAND)
 
 
 def of_box(size_m, eye_m):
-    """A plan of a box in the middle of the table that one camera sees, and its depth and pose."""
+    """A plan of a box in the middle of the table that one camera sees."""
     scene = graspmill.Scene([graspmill.Object.cuboid(size_m, (0.15, 0.15, 0.05 + size_m[2] / 2))])
     camera = graspmill.Camera.look_at(eye_m, (0.15, 0.15, 0.09))
-    depth = scene.render(camera)
-    return FRANKA.plan(depth, camera), depth, camera.workspace_from_camera
+    return FRANKA.plan(scene.render(camera), camera)
 
 
 def between_fingers(depth, pose, grasp):
@@ -327,7 +314,7 @@ def between_fingers(depth, pose, grasp):
 
 def test_a_width_is_measured_where_both_ends_are_seen():
     """The edges of a top of 60 mm, whose sides no camera sees."""
-    plan, depth, pose = of_box((0.06, 0.1, 0.08), (0.15, -0.3, 0.5))
+    plan = of_box((0.06, 0.1, 0.08), (0.15, -0.3, 0.5))
     across = [grasp for grasp in plan if abs(grasp.workspace_from_grasp[0, 1]) > 0.98][:5]
     assert len(across) >= 3
     for grasp in across:
@@ -337,7 +324,7 @@ def test_a_width_is_measured_where_both_ends_are_seen():
 
 def test_a_width_with_an_end_that_is_not_seen_is_not_told():
     """The camera sees the near face alone, and hands close along its view."""
-    plan, depth, pose = of_box((0.06, 0.1, 0.08), (-0.3, 0.15, 0.11))
+    plan = of_box((0.06, 0.1, 0.08), (-0.3, 0.15, 0.11))
     along = [grasp for grasp in plan if abs(grasp.workspace_from_grasp[0, 1]) > 0.95]
     assert len(along) >= 5
     for grasp in along:
@@ -360,7 +347,7 @@ def many(seed):
 
 def test_widths_are_never_narrower_than_what_is_seen_and_hands_open_wide_enough():
     told, errors, opened = 0, [], []
-    for seed in range(6):
+    for seed in range(4):
         scene, depth, camera, pose = many(seed)
         plan = FRANKA.plan(depth, camera)
         best = plan[:12]
@@ -375,8 +362,8 @@ def test_widths_are_never_narrower_than_what_is_seen_and_hands_open_wide_enough(
                 less = graspmill.Gripper(**{**numbers, "opening_m_max": grasp.opening_m})
                 opened.append(graspmill.execute(scene, (pose @ grasp.camera_from_grasp)[None], gripper=less).held[0])
     print(f"{told} told, median error {1e3 * np.median(errors):.1f} mm, {np.mean(opened):.3f} of {len(opened)} hold when opened so far")
-    assert told > 50 and np.median(errors) < 0.004, (told, np.median(errors))
-    assert len(opened) > 40 and np.mean(opened) >= 0.95, (len(opened), np.mean(opened))
+    assert told > 30 and np.median(errors) < 0.004, (told, np.median(errors))
+    assert len(opened) > 25 and np.mean(opened) >= 0.95, (len(opened), np.mean(opened))
 
 
 def pixels(png):
@@ -408,11 +395,8 @@ def test_an_overlay_goes_with_an_image_of_the_camera():
     depth, camera, _ = seen_from(EYES[0])
     plan = PLANNER.plan(depth, camera)
     for image in (np.zeros(SHAPE, np.uint8), np.zeros((*SHAPE, 3)), np.zeros((*SHAPE, 2), np.uint8), np.zeros((0, 0, 3), np.uint8), "image.png"):
-        with pytest.raises(graspmill.InputError, match="image must be"):
-            plan.overlay(image)
-    with pytest.raises(graspmill.InputError, match="640 x 480"):
-        plan.overlay(np.zeros((480, 600, 3), np.uint8))
+        refused("image must be", lambda: plan.overlay(image))
+    refused("640 x 480", lambda: plan.overlay(np.zeros((480, 600, 3), np.uint8)))
     assert pixels(plan.overlay(np.zeros((240, 320, 3), np.uint8))).shape == (240, 320, 3)
     cloud = PLANNER.plan_cloud(points_of(depth), workspace_from_cloud="table")
-    with pytest.raises(graspmill.InputError, match="without a camera"):
-        cloud.overlay(np.zeros((*SHAPE, 3), np.uint8))
+    refused("without a camera", lambda: cloud.overlay(np.zeros((*SHAPE, 3), np.uint8)))

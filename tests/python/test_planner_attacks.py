@@ -1,57 +1,35 @@
 """Hostile and faulty clients of `graspmill serve`.
 
-    python -m pytest tests/python/test_planner_attacks.py
-
 Each kind of malformed request is a function that returns the bytes of a body and whether it must be refused. A body with a
-random difference from a valid one (a flipped bit) may also be accepted. `planner/src/input` tests each kind of wrong request.
+random difference from a valid one (a flipped bit) may also be accepted. `planner/src/input` damages images, clouds and grids.
 """
 
 import json
 import random
 import socket
 import struct
-import threading
 import zlib
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
-import numpy as np
 import pytest
 
-from planner_service import check_error, demo_request, file_of, npy, png, read_all, running, seen
+from mutations import leaves
+from programs import changed
+from planner_service import check_error, demo_request, file_of, running, seen
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
-    with running(tmp_path_factory.mktemp("service")) as service:
+    with running(tmp_path_factory.mktemp("service"), "--queue", "8") as service:
         yield service
 
 
-def places(value, at=()):
-    """Every place in a request, as paths of keys and indices."""
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in items:
-        yield (*at, key)
-        yield from places(inner, (*at, key))
-
-
-def changed(request, at, value):
-    copy = json.loads(json.dumps(request))
-    inner = copy
-    for key in at[:-1]:
-        inner = inner[key]
-    inner[at[-1]] = value
-    return copy
-
-
-def cloud_bytes(chance):
-    return npy(np.array([[chance.random() * 0.3 for _ in range(3)] for _ in range(50)], "<f4"))
-
-
-def image_bytes(chance):
-    depth = np.full((48, 64), 0.55, np.float32)
-    return chance.choice([npy(depth), png((depth * 1000).astype(np.uint16))])
+def changed_somewhere(chance, value):
+    """A request with another value at any of its places."""
+    request = {"views": [seen()]}
+    return json.dumps(changed(request, ".".join(map(str, chance.choice(list(leaves(request))))), value))
 
 
 def random_bytes(chance):
@@ -71,10 +49,7 @@ def flipped_json(chance):
 
 
 def wrong_type(chance):
-    request = {"views": [seen()]}
-    at = chance.choice(list(places(request)))
-    value = chance.choice([True, "x", "", {"a": 1}, [[]], {}, [None]])
-    return json.dumps(changed(request, at, value)).encode(), True
+    return changed_somewhere(chance, chance.choice([True, "x", "", {"a": 1}, [[]], {}, [None]])).encode(), True
 
 
 def deep(chance):
@@ -83,31 +58,8 @@ def deep(chance):
 
 
 def deep_inside(chance):
-    at = chance.choice(list(places({"views": [seen()]})))
-    text = json.dumps(changed({"views": [seen()]}, at, "@@"))
-    depth = chance.choice([50, 5_000, 200_000])
+    text, depth = changed_somewhere(chance, "@@"), chance.choice([50, 5_000, 200_000])
     return text.replace('"@@"', "[" * depth + "]" * depth).encode(), True
-
-
-def flipped_image(chance):
-    data = bytearray(image_bytes(chance))
-    for _ in range(chance.randrange(1, 8)):
-        data[chance.randrange(min(len(data), 200))] = chance.randrange(256)
-    return json.dumps({"views": [seen() | {"depth": file_of(bytes(data))}]}).encode(), False
-
-
-def flipped_cloud(chance):
-    data = bytearray(cloud_bytes(chance))
-    for _ in range(chance.randrange(1, 8)):
-        data[chance.randrange(min(len(data), 200))] = chance.randrange(256)
-    return json.dumps({"cloud": file_of(bytes(data))}).encode(), False
-
-
-def absurd_depth(chance):
-    value = chance.choice([np.nan, np.inf, -np.inf, 1e30, -1.0, 0.0, 1e-30])
-    depth = np.full((48, 64), value, np.float32)
-    depth[: chance.randrange(20)] = 0.55
-    return json.dumps({"views": [seen(depth)]}).encode(), False
 
 
 def huge_promise(chance):
@@ -121,7 +73,7 @@ def huge_promise(chance):
     return json.dumps({"views": [seen() | {"depth": file_of(chance.choice([image, array]))}]}).encode(), True
 
 
-BODIES = [random_bytes, cut_json, flipped_json, wrong_type, deep, deep_inside, flipped_image, flipped_cloud, absurd_depth, huge_promise]
+BODIES = [random_bytes, cut_json, flipped_json, wrong_type, deep, deep_inside, huge_promise]
 
 
 def broken_http(chance):
@@ -180,30 +132,13 @@ def leave_early(service, chance):
 
 @contextmanager
 def slow_heads(service, count):
-    """Connections that never complete their header; all must be closed in the end."""
+    """Connections that never complete their header. `planner/src/serve/tests.rs` waits until they are hung up on."""
     streams = [socket.create_connection(("127.0.0.1", service.port), timeout=30) for _ in range(count)]
     for number, stream in enumerate(streams):
         stream.sendall(b"POST /v1/plan HTTP/1.1\r\nHost: localhost\r\n"[: number + 1])
-    done = threading.Event()
-
-    def trickle():
-        while not done.wait(1.0):
-            for stream in streams[::2]:
-                try:
-                    stream.sendall(b"X")
-                except OSError:
-                    pass
-
-    thread = threading.Thread(target=trickle)
-    thread.start()
     try:
         yield
-        # Half of them continue to send slowly until they are closed, so no silence ends them.
-        for stream in streams:
-            check_raw(read_all(stream))
     finally:
-        done.set()
-        thread.join()
         for stream in streams:
             stream.close()
 
@@ -215,7 +150,7 @@ def test_malformed_requests_and_it_plans_as_before(service, factor):
     chance = random.Random(7)
     statuses = Counter()
     with slow_heads(service, 20):
-        for number in range(80 * factor):
+        for number in range(60 * factor):
             way = BODIES[number % len(BODIES)]
             body, must_be_refused = way(chance)
             status, headers, told = service.plan(body)
@@ -238,13 +173,13 @@ def test_malformed_requests_and_it_plans_as_before(service, factor):
                     check_error(status, headers, told)
     print(f"answers: {dict(statuses)}; VmHWM {service.memory_kb('VmHWM')} kB, VmRSS {service.memory_kb('VmRSS')} kB")
     # Some requests must be answered and some refused.
-    assert statuses[422] > 20 * factor and statuses[400] > 5 * factor, statuses
+    assert statuses[422] > 15 * factor and statuses[400] > 4 * factor, statuses
     assert service.process.poll() is None, service.log.read_text()[-3000:]
     assert service.plan(good)[2] == before
     assert service.memory_kb("VmHWM") < 2_000_000
     # As many as are planned and wait; each try takes as long as plans of clients that are gone may still take.
-    with ThreadPoolExecutor(18) as pool:
-        tries = ({status for status, _, _ in pool.map(lambda _: service.plan(good), range(18))} for _ in range(20))
+    with ThreadPoolExecutor(10) as pool:
+        tries = ({status for status, _, _ in pool.map(lambda _: service.plan(good), range(10))} for _ in range(20))
         assert {200} in tries, "requests of clients that are gone still have their places"
     assert "panicked" not in service.log.read_text()
 

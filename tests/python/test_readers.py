@@ -1,14 +1,8 @@
-"""A dataset opens in common readers without our code.
-
-    GRASPMILL_DATASET=path/to/dataset python -m pytest tests/python
-
-All expectations come from the dataset's own manifest and info, so any dataset can be used.
-"""
+"""A dataset opens in common readers without our code; all expectations come from its own manifest and info."""
 
 import json
 import os
 import re
-from pathlib import Path
 
 os.environ["HF_HUB_OFFLINE"] = "1"  # before datasets is imported: no test may use the network
 
@@ -20,12 +14,11 @@ import pyarrow as pa
 import pyarrow.dataset as pads
 import pyarrow.parquet as pq
 import pytest
-from programs import DATASET
+from programs import DATASET, ROOT
 from huggingface_hub import DatasetCard
 
 TABLES = ["attempts", "scenes", "objects"]
-SNIPPETS = Path(__file__).parents[2] / "docs" / "reading.md"
-
+SNIPPETS = ROOT / "docs" / "reading.md"
 INFO = json.loads((DATASET / "meta/info.json").read_text())
 MANIFEST = json.loads((DATASET / "meta/manifest.json").read_text())
 TOTALS = MANIFEST["totals"]
@@ -51,29 +44,17 @@ def test_every_reader_counts_the_same_rows(table, hugging_face):
     assert hugging_face[table].num_rows == ROWS[table]
 
 
-def test_labels_are_balanced_the_same_in_every_reader(hugging_face):
-    labels = TOTALS["labels"]
-    expected = {0: labels["attempts"] - labels["positives"], 1: labels["positives"]}
-    expected = {label: count for label, count in expected.items() if count}
+LABELS = {0: ROWS["attempts"] - TOTALS["labels"]["positives"], 1: TOTALS["labels"]["positives"]}
 
-    counts = pads.dataset(DATASET / "attempts", format="parquet").to_table()["label"].value_counts().to_pylist()
+
+@pytest.mark.parametrize(("column", "totals", "kind"), [("label", LABELS, pl.UInt8), ("outcome", TOTALS["outcomes"], pl.String)])
+def test_labels_and_the_names_of_outcomes_are_counted_the_same_in_every_reader(column, totals, kind, hugging_face):
+    expected = {value: count for value, count in totals.items() if count}
+    counts = pads.dataset(DATASET / "attempts", format="parquet").to_table()[column].value_counts().to_pylist()
     assert {row["values"]: row["counts"] for row in counts} == expected
-    assert dict(duckdb.sql(f"SELECT label, count(*) FROM '{glob('attempts')}' GROUP BY label").fetchall()) == expected
-    grouped = pl.scan_parquet(glob("attempts")).group_by("label").len().collect()
-    assert dict(grouped.iter_rows()) == expected
-    values, counts = np.unique(hugging_face["attempts"]["label"], return_counts=True)
-    assert dict(zip(values.tolist(), counts.tolist())) == expected
-
-
-def test_outcomes_are_names_everywhere(hugging_face):
-    expected = {name: count for name, count in TOTALS["outcomes"].items() if count}
-    counts = pads.dataset(DATASET / "attempts", format="parquet").to_table()["outcome"].value_counts().to_pylist()
-    assert {row["values"]: row["counts"] for row in counts} == expected
-    found = duckdb.sql(f"SELECT outcome, count(*) FROM '{glob('attempts')}' GROUP BY outcome").fetchall()
-    assert dict(found) == expected
-    grouped = pl.scan_parquet(glob("attempts")).group_by(pl.col("outcome").cast(pl.String)).len().collect()
-    assert dict(grouped.iter_rows()) == expected
-    values, counts = np.unique(hugging_face["attempts"]["outcome"], return_counts=True)
+    assert dict(duckdb.sql(f"SELECT {column}, count(*) FROM '{glob('attempts')}' GROUP BY {column}").fetchall()) == expected
+    assert dict(pl.scan_parquet(glob("attempts")).group_by(pl.col(column).cast(kind)).len().collect().iter_rows()) == expected
+    values, counts = np.unique(hugging_face["attempts"][column], return_counts=True)
     assert dict(zip(values.tolist(), counts.tolist())) == expected
 
 
@@ -121,20 +102,13 @@ def test_the_grid_has_its_shape_in_every_reader(hugging_face):
 
 
 def test_keys_lead_from_table_to_table():
-    orphans = duckdb.sql(f"""
-        SELECT count(*) FROM '{glob("attempts")}' a
-        ANTI JOIN '{glob("objects")}' o USING (scene_id, object_id)
-    """).fetchall()[0][0]
-    assert orphans == 0
-    wrong_shape = duckdb.sql(f"""
-        SELECT count(*) FROM '{glob("attempts")}' a JOIN '{glob("objects")}' o USING (scene_id, object_id)
-        WHERE a.shape != o.shape OR a.label != (a.outcome = 'held')::INT
-    """).fetchall()[0][0]
-    assert wrong_shape == 0
-    off = duckdb.sql(f"""
-        SELECT max(abs(qx*qx + qy*qy + qz*qz + qw*qw - 1)) FROM '{glob("attempts")}'
-    """).fetchall()[0][0]
-    assert off < 1e-3
+    attempts, objects = f"FROM '{glob('attempts')}' a", f"'{glob('objects')}' o USING (scene_id, object_id)"
+    for query, most in (
+        (f"count(*) {attempts} ANTI JOIN {objects}", 0),
+        (f"count(*) {attempts} JOIN {objects} WHERE a.shape != o.shape OR a.label != (a.outcome = 'held')::INT", 0),
+        (f"max(abs(qx*qx + qy*qy + qz*qz + qw*qw - 1)) {attempts}", 1e-3),
+    ):
+        assert duckdb.sql(f"SELECT {query}").fetchall()[0][0] <= most, query
 
 
 def test_columns_say_what_they_mean():
@@ -143,12 +117,9 @@ def test_columns_say_what_they_mean():
             assert field.metadata[b"description"], field.name
 
 
-def test_the_card_offers_attempts_first():
+def test_the_hub_reads_the_cards_metadata_and_offers_attempts_first():
     assert datasets.get_dataset_default_config_name(str(DATASET)) == "attempts"
     assert sorted(datasets.get_dataset_config_names(str(DATASET))) == sorted(TABLES)
-
-
-def test_the_hub_reads_the_cards_metadata():
     data = DatasetCard.load(DATASET / "README.md").data
     assert data.license, "unknown, until its owner names one"
     assert data.task_categories == ["robotics"]
@@ -180,12 +151,8 @@ def test_the_snippets_work(tmp_path, monkeypatch, capsys):
 
 def check_samples(names):
     """The page's samples, from the tables in another way."""
-    grids = {}
-    for table in pads.dataset(DATASET / "scenes", format="parquet").to_batches(columns=["scene_id", "tsdf"]):
-        ids, flat = table["scene_id"].to_pylist(), table["tsdf"]
-        for _ in range(3):
-            flat = flat.flatten()
-        grids.update(zip(ids, np.asarray(flat).reshape(-1, SIDE, SIDE, SIDE)))
+    scenes = pl.read_parquet(glob("scenes"), columns=["scene_id", "tsdf"])
+    grids = dict(zip(scenes["scene_id"], scenes["tsdf"].to_numpy()))
     rows = duckdb.sql(f"SELECT scene_id, x_m, y_m, z_m, qw, label FROM '{glob('attempts')}'").fetchall()
     rows = [row for row in rows if row[0] in set(names["scene_ids"].tolist())]
     size_m = INFO["grid"]["size_m"]

@@ -1,9 +1,8 @@
-"""The ROS 2 package, with stubs of the ROS modules that it imports.
+"""The ROS 2 package, with stubs of the ROS modules that it imports."""
 
-    python -m pytest tests/python/test_ros2_node.py
-"""
-
+import base64
 import importlib
+import io
 import json
 import socket
 import sys
@@ -16,7 +15,7 @@ import pytest
 from PIL import Image
 
 import ros_messages as ros
-from planner_service import DEMO, ROOT, file_of, npy, running
+from planner_service import DEMO, ROOT, file_of, npy
 
 PACKAGE = ROOT / "ros2" / "graspmill_ros"
 sys.path.insert(0, str(PACKAGE))
@@ -70,16 +69,21 @@ LENS = {"fx_px": 5.0, "fy_px": 5.0, "cx_px": 2.0, "cy_px": 1.5}
 DEPTH = np.full((4, 5), 0.5, "<f4")
 
 
-def started(monkeypatch, robot, told=None, moveit=False):
-    """A node in these surroundings; its planner answers ``told`` and keeps what it was asked."""
-    for name, module in robot.modules(moveit).items():
-        monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.delitem(sys.modules, "graspmill_ros.node", raising=False)
-    node = importlib.import_module("graspmill_ros.node").PlannerNode()
-    if told is not None:
-        robot.views = []
-        node.ask = lambda view: robot.views.append(view) or told
-    return node
+@pytest.fixture
+def start(monkeypatch):
+    """Starts a node in a robot with these parameters; its planner answers ``told`` and keeps what it was asked."""
+
+    def started(told=None, moveit=False, **parameters):
+        robot = ros.Robot(**parameters)
+        for name, module in robot.modules(moveit).items():
+            monkeypatch.setitem(sys.modules, name, module)
+        monkeypatch.delitem(sys.modules, "graspmill_ros.node", raising=False)
+        robot.views, robot.node = [], importlib.import_module("graspmill_ros.node").PlannerNode()
+        if told is not None:
+            robot.node.ask = lambda view: robot.views.append(view) or told
+        return robot
+
+    return started
 
 
 def sees(robot, depth=DEPTH, lens=LENS, **more):
@@ -114,12 +118,8 @@ def test_what_was_not_seen_is_zero():
     np.testing.assert_array_equal(sensing.depth_m(image(depth)), np.array([[0, 0, 0, 0, 0.7]], np.float32))
     tenths = np.array([[5000]], "<u2")
     assert sensing.depth_m(image(tenths, "16UC1"), 0.0001) == np.float32(0.5)
-
-
-def test_the_last_row_may_lack_its_padding():
-    whole = image(DEPTH)
-    cut = image(DEPTH, data=whole.data[:-6])
-    np.testing.assert_array_equal(sensing.depth_m(cut), DEPTH)
+    # The last row may lack its padding.
+    np.testing.assert_array_equal(sensing.depth_m(image(DEPTH, data=image(DEPTH).data[:-6])), DEPTH)
 
 
 def test_wrong_images_are_refused():
@@ -208,9 +208,8 @@ def test_the_packages_have_the_projects_version_and_all_their_files():
 
 
 @pytest.mark.parametrize("parameters", [{"use_mask": True}, {"use_cloud": True}], ids=["depth", "cloud"])
-def test_the_launch_file_maps_every_topic_that_the_node_takes(monkeypatch, parameters):
-    robot, started_with = ros.Robot(**parameters), []
-    started(monkeypatch, robot, answer())
+def test_the_launch_file_maps_every_topic_that_the_node_takes(start, monkeypatch, parameters):
+    robot, started_with = start(answer(), **parameters), []
     same = types.SimpleNamespace(
         LaunchDescription=list,
         DeclareLaunchArgument=lambda name, default_value: name,
@@ -218,9 +217,9 @@ def test_the_launch_file_maps_every_topic_that_the_node_takes(monkeypatch, param
         Node=lambda **given: started_with.append(given),
         get_package_share_directory=lambda name: str(PACKAGE),
     )
-    for name in ("ament_index_python", "ament_index_python.packages", "launch", "launch.actions", "launch.substitutions", "launch_ros"):
+    names = "ament_index_python ament_index_python.packages launch launch.actions launch.substitutions launch_ros launch_ros.actions"
+    for name in names.split():
         monkeypatch.setitem(sys.modules, name, same)
-    monkeypatch.setitem(sys.modules, "launch_ros.actions", same)
     scope = {"__name__": "planner.launch"}
     exec((PACKAGE / "launch/planner.launch.py").read_text(), scope)  # noqa: S102
     *arguments, _ = scope["generate_launch_description"]()
@@ -264,11 +263,10 @@ def test_a_fork_has_its_tips_as_far_apart_as_the_hand_opens():
 # The node
 
 
-def test_a_plan_becomes_messages(monkeypatch):
-    robot = ros.Robot()
-    started(monkeypatch, robot, answer(row(0, object=3), row(1, width_m=None, robustness=0.7), warnings=["a border"]))
+def test_a_plan_becomes_messages(start):
+    robot = start(answer(row(0, object=3), row(1, width_m=None, robustness=0.7), warnings=["a border"]))
     sees(robot)
-    told = robot.call("plan_now", ros.Answered())
+    told = robot.plan()
     assert (told.success, told.message) == (True, "2 grasps, the best 0.900")
     [poses], [ranked], [markers] = (robot.published[name] for name in ("grasps", "ranked_grasps", "markers"))
     for header in (poses.header, ranked.header, markers.markers[0].header):
@@ -282,11 +280,10 @@ def test_a_plan_becomes_messages(monkeypatch):
     assert len(marker.points) == len(marker.colors) == 16 and marker.type == ros.Marker.LINE_LIST
 
 
-def test_no_grasp_is_an_answer(monkeypatch):
-    robot = ros.Robot()
-    started(monkeypatch, robot, answer(reason="no grasp has a quality of 0.5 or more"))
+def test_no_grasp_is_an_answer(start):
+    robot = start(answer(reason="no grasp has a quality of 0.5 or more"))
     sees(robot)
-    told = robot.call("plan_now", ros.Answered())
+    told = robot.plan()
     assert not told.success and told.message == "no grasp has a quality of 0.5 or more"
     assert robot.published["grasps"][0].poses == [] and robot.published["ranked_grasps"][0].reason == told.message
     assert robot.published["markers"][0].markers[0].action == ros.Marker.DELETE
@@ -301,9 +298,8 @@ class Goal:
         self.stages.append(feedback.stage)
 
 
-def test_the_action_has_the_grasps_as_its_result(monkeypatch):
-    robot = ros.Robot()
-    started(monkeypatch, robot, answer(row(0), row(1), row(2)))
+def test_the_action_has_the_grasps_as_its_result(start):
+    robot = start(answer(row(0), row(1), row(2)))
     act = robot.services["plan_grasps"]
     result = act(goal := Goal())
     assert goal.states == ["abort"] and result.ranked.reason == "a message on /depth must have come, got none"
@@ -313,24 +309,20 @@ def test_the_action_has_the_grasps_as_its_result(monkeypatch):
     assert [one.quality for one in result.ranked.grasps] == [0.9, 0.8]
 
 
-def test_moveit_gets_grasps_where_it_is_installed(monkeypatch):
+def test_moveit_gets_grasps_where_it_is_installed(start):
     pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
-    robot = ros.Robot()
-    started(monkeypatch, robot, answer(row(0), row(1)), moveit=True)
+    robot = start(answer(row(0), row(1)), moveit=True)
     assert robot.call("plan_for_moveit", ros.Grasps()).error_code.val == ros.ErrorCodes.FAILURE
     sees(robot)
     told = robot.call("plan_for_moveit", ros.Grasps())
     assert told.error_code.val == ros.ErrorCodes.SUCCESS and [one.id for one in told.grasps] == ["grasp_0", "grasp_1"]
     header = told.grasps[0].grasp_pose.header
     assert (header.frame_id, header.stamp.sec, told.grasps[0].grasp_quality) == ("optical", 99, 0.9)
-    robot = ros.Robot()
-    started(monkeypatch, robot, answer())
-    assert "plan_for_moveit" not in robot.services
+    assert "plan_for_moveit" not in start(answer()).services
 
 
-def test_a_rate_plans_on_new_images_only(monkeypatch):
-    robot = ros.Robot(rate_hz=4.0)
-    started(monkeypatch, robot, answer(row()))
+def test_a_rate_plans_on_new_images_only(start):
+    robot = start(answer(row()), rate_hz=4.0)
     [(period_s, tick)] = robot.timers
     tick()
     assert period_s == 0.25 and robot.logged == ["a message on /depth must have come, got none"]
@@ -343,12 +335,11 @@ def test_a_rate_plans_on_new_images_only(monkeypatch):
     assert len(robot.views) == 2
 
 
-def test_the_cameras_pose_is_that_at_the_stamp(monkeypatch):
-    robot = ros.Robot(base_frame="base")
-    started(monkeypatch, robot, answer(row(base_from_grasp=POSE | {"position_m": [0.6, 0.0, 0.1]})))
+def test_the_cameras_pose_is_that_at_the_stamp(start):
+    robot = start(answer(row(base_from_grasp=POSE | {"position_m": [0.6, 0.0, 0.1]})), base_frame="base")
     robot.transform = transform([1.0, 2.0, 3.0], [1.0, 0.0, 0.0, 0.0])
     sees(robot)
-    assert robot.call("plan_now", ros.Answered()).success
+    assert robot.plan().success
     assert robot.asked == [("base", "optical", pytest.approx(99.9), 0.2)]
     assert robot.views[0].base_from_camera == [1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]
     [poses] = robot.published["grasps"]
@@ -363,97 +354,79 @@ def test_the_cameras_pose_is_that_at_the_stamp(monkeypatch):
         ({"now_s": 105.0}, "the newest depth must be at most 1 s old, got 5.1 s"),
     ],
 )
-def test_old_images_and_poses_are_refused_and_the_node_goes_on(monkeypatch, change, match):
-    robot = ros.Robot(base_frame="base")
-    started(monkeypatch, robot, answer(row(base_from_grasp=POSE)))
+def test_old_images_and_poses_are_refused_and_the_node_goes_on(start, change, match):
+    robot = start(answer(row(base_from_grasp=POSE)), base_frame="base")
     fresh = {"transform": transform([0.0] * 3, [0.0, 0.0, 0.0, 1.0]), "now_s": 100.0}
     sees(robot)
     for name, value in (fresh | change).items():
         setattr(robot, name, value)
-    told = robot.call("plan_now", ros.Answered())
+    told = robot.plan()
     assert not told.success and match in told.message and robot.published["grasps"] == []
     for name, value in fresh.items():
         setattr(robot, name, value)
-    assert robot.call("plan_now", ros.Answered()).success
+    assert robot.plan().success
 
 
-def test_an_image_without_a_stamp_has_no_pose(monkeypatch):
-    robot = ros.Robot(base_frame="base", image_age_s_max=0.0)
-    started(monkeypatch, robot, answer())
+def test_an_image_without_a_stamp_has_no_pose(start):
+    robot = start(answer(), base_frame="base", image_age_s_max=0.0)
     sees(robot, header=stamped(0.0))
-    assert robot.call("plan_now", ros.Answered()).message == "the image must have a stamp for the camera's pose, got 0"
+    assert robot.plan().message == "the image must have a stamp for the camera's pose, got 0"
 
 
-def test_a_mask_goes_with_its_image(monkeypatch):
-    robot = ros.Robot(use_mask=True)
-    started(monkeypatch, robot, answer(row()))
+def test_a_mask_goes_with_its_image(start):
+    robot = start(answer(row()), use_mask=True)
     sees(robot)
-    assert robot.call("plan_now", ros.Answered()).message == "a message on /mask must have come, got none"
+    assert robot.plan().message == "a message on /mask must have come, got none"
     mask = np.eye(4, 5, dtype=np.uint8)
     robot.send("mask", image(mask, "mono8", header=stamped(95.0)))
-    assert "the mask must be within 1 s of the image, got 4.9 s" in robot.call("plan_now", ros.Answered()).message
+    assert "the mask must be within 1 s of the image, got 4.9 s" in robot.plan().message
     robot.send("mask", image(mask[:3], "mono8"))
-    assert "got 5 x 3" in robot.call("plan_now", ros.Answered()).message
+    assert "got 5 x 3" in robot.plan().message
     robot.send("mask", image(mask, "mono8"))
-    assert robot.call("plan_now", ros.Answered()).success
+    assert robot.plan().success
     np.testing.assert_array_equal(robot.views[0].mask, mask != 0)
-    np.testing.assert_array_equal(np.load(_bytes_of(planning.request(robot.views[0])["views"][0]["mask"])), mask != 0)
-
-
-def _bytes_of(file):
-    import base64
-    import io
-
-    return io.BytesIO(base64.b64decode(file["data"]))
+    data = base64.b64decode(planning.request(robot.views[0])["views"][0]["mask"]["data"])
+    np.testing.assert_array_equal(np.load(io.BytesIO(data)), mask != 0)
 
 
 # The planner
 
 
-def test_a_planner_that_is_away_is_named_and_the_node_goes_on(monkeypatch):
+def test_a_planner_that_is_away_is_named_and_the_node_goes_on(start):
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         port = nobody.getsockname()[1]
-    robot = ros.Robot(url=f"http://127.0.0.1:{port}")
-    node = started(monkeypatch, robot)
+    robot = start(url=f"http://127.0.0.1:{port}")
     sees(robot)
-    told = robot.call("plan_now", ros.Answered())
+    told = robot.plan()
     assert not told.success and told.message.startswith(f"the planner at http://127.0.0.1:{port}/v1/plan must answer (graspmill serve starts one)")
-    node.ask = lambda view: answer(row())
-    assert robot.call("plan_now", ros.Answered()).success
+    robot.node.ask = lambda view: answer(row())
+    assert robot.plan().success
 
 
-def test_planning_in_this_process(monkeypatch):
+def test_planning_in_this_process(start):
     graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
     box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075, 0, 0, 0, 1))
     camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
     depth = graspmill.Scene([box]).render(camera)
     want = graspmill.Planner().plan(depth, graspmill.Camera(640, 480, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px))
-    robot = ros.Robot(url="", grasps_max=5)
-    started(monkeypatch, robot)
+    robot = start(url="", grasps_max=5)
     sees(robot, depth, vars(camera))
-    assert robot.call("plan_now", ros.Answered()).success
+    assert robot.plan().success
     rows = want.answer["grasps"][:5]
     assert [pose_of(pose)[0] for pose in robot.published["grasps"][0].poses] == [row["camera_from_grasp"]["position_m"] for row in rows]
     refused("the planner cannot be made: ", lambda: planning.in_process(planning.Settings(url="", config="nothing")))
 
 
-@pytest.fixture(scope="module")
-def service(tmp_path_factory):
-    with running(tmp_path_factory.mktemp("ros")) as service:
-        yield service
-
-
 @pytest.mark.parametrize("base", [False, True], ids=["upright", "base"])
-def test_the_node_publishes_what_the_service_answers(service, base, one_demo_view, monkeypatch):
+def test_the_node_publishes_what_the_service_answers(service, base, one_demo_view, start):
     depth_m, lens, pose = one_demo_view
     request = {"views": [{"depth": file_of(npy(depth_m)), "intrinsics": lens, "workspace_from_camera": "table"}]}
     status, _, body = service.plan(request | ({"base_from_camera": pose} if base else {}))
     assert status == 200, body
-    robot = ros.Robot(url=f"http://127.0.0.1:{service.port}", base_frame="base" if base else "", grasps_max=10_000)
+    robot = start(url=f"http://127.0.0.1:{service.port}", base_frame="base" if base else "", grasps_max=10_000)
     robot.transform = transform(pose["position_m"], pose["quaternion_xyzw"])
-    started(monkeypatch, robot)
     sees(robot, depth_m, lens)
-    assert robot.call("plan_now", ros.Answered()).success
+    assert robot.plan().success
     expected = [grasp["base_from_grasp" if base else "camera_from_grasp"] for grasp in json.loads(body)["grasps"]]
     assert expected, "nothing was planned, so nothing is compared"
     [array] = robot.published["grasps"]

@@ -2,11 +2,10 @@
 
 import base64
 import json
-import subprocess
 import sys
-from pathlib import Path
 
-SITE = Path(__file__).parents[2] / "scripts" / "site.py"
+from programs import ROOT, ran
+
 PICTURE = b"\x89PNG\r\n\x1a\n and what follows"
 NOTEBOOK = {
     "cells": [
@@ -18,10 +17,7 @@ NOTEBOOK = {
             "outputs": [
                 {"output_type": "stream", "name": "stdout", "text": ["1\n"]},
                 {"output_type": "stream", "name": "stdout", "text": "  indented\n"},
-                {
-                    "output_type": "execute_result",
-                    "data": {"image/png": base64.b64encode(PICTURE).decode(), "text/plain": ["A plan"]},
-                },
+                {"output_type": "execute_result", "data": {"image/png": base64.b64encode(PICTURE).decode(), "text/plain": ["A plan"]}},
                 {"output_type": "execute_result", "data": {"text/plain": "2"}},
             ],
         },
@@ -65,7 +61,7 @@ def test_a_notebook_becomes_a_page(tmp_path):
     (notebooks / "one.ipynb").write_text(text)
     (root / "made.py").write_text("first = 1\n")
     (root / "docs" / "page.md").write_text("See [it](notebooks/one.ipynb).\n")
-    subprocess.run([sys.executable, SITE, "pages", root, out], check=True)
+    ran(sys.executable, ROOT / "scripts" / "site.py", "pages", root, out)
     assert (out / "docs" / "page.md").read_text() == "See [it](notebooks/one.md).\n"
     made = out / "docs" / "notebooks"
     assert (made / "one.md").read_text() == MADE

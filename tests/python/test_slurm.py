@@ -1,54 +1,51 @@
 """scripts/cluster on a real Slurm: after any kills, datasets and training end the same.
 
-    GRASPMILL_DATASET=path/to/dataset python -m pytest -s tests/python/test_slurm.py
-
 The cluster is on loopback (slurm.py); without Slurm the tests are skipped with a reason.
 """
 
 import contextlib
-import json
 import os
 import random
 import signal
-import subprocess
 import time
 from collections import Counter
 from pathlib import Path
 
 import pytest
-from programs import DATASET, PROGRAMS, ROOT, files
+from programs import DATASET, PROGRAMS, QUICK, ROOT, executable, files, metrics, run
 import slurm
 
 SEED = int(os.environ.get("GRASPMILL_CHAOS_SEED", random.randrange(1_000_000)))
 SCRIPTS = ROOT / "scripts/cluster"
 DEMO = ROOT / "configs/generate/demo.toml"
-QUICK = ROOT / "configs/train/quick.toml"
 
-SHARDS = 16
-SHARD = 1_200  # attempts of a shard, which takes one to four seconds of a core
-SILENT_S = (6, 12)  # how long; after 5 Slurm starts their tasks elsewhere
 CHAOS_S = 240  # all rounds
 ROUND_S = 40  # tasks that are not over by then are left to the next round
 PROGRAM_S = 90
-EPOCHS = 6
 
 pytestmark = pytest.mark.skipif(slurm.available() != "", reason=slurm.available())
 
 
-def run(program, *args):
-    command = [PROGRAMS / program, *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=PROGRAM_S)
+@pytest.fixture(scope="module")
+def calm():
+    """A cluster of which no node is lost."""
+    with slurm.cluster(nodes=2, cpus=2) as cluster:
+        yield cluster
+
+
+@pytest.fixture(scope="module")
+def training():
+    """As `calm`, where Slurm starts no job again by itself."""
+    with slurm.cluster(nodes=3, cpus=1, requeue_exit=None) as cluster:
+        yield cluster
 
 
 def generate_at_once(out, *size):
-    ended = run("generator", "--config", DEMO, *size, "--out", out)
-    assert ended.returncode == 0, ended.stderr
+    run("generator", "--config", DEMO, *size, "--out", out, code=0)
 
 
 def missing(out, *more):
-    ended = run("generator", "missing", out, *more)
-    assert ended.returncode == 0, ended.stderr
-    return ended.stdout.strip()
+    return run("generator", "missing", out, *more, code=0).stdout.strip()
 
 
 def generate(cluster, out, array, shards, *size, **more):
@@ -78,22 +75,15 @@ def starts(folder, job="*"):
     return log_of(folder, job).count(", node n")
 
 
-def metrics(folder):
-    """The epochs without their times."""
-    path = folder / "metrics.jsonl"
-    lines = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    return [{key: value for key, value in line.items() if key != "seconds"} for line in lines]
-
-
 SUSPENDED = "T"
 
 
 class Chaos:
     """Injects a series of faults into a cluster."""
 
-    def __init__(self, cluster, work_s, kills, stops, losses):
-        """Processes killed or asked to stop, and nodes lost, over about the undisturbed run time."""
-        self.cluster = cluster
+    def __init__(self, cluster, work_s, kills, stops, losses, silent_s):
+        """Processes killed or asked to stop, and nodes lost for so long, over about the undisturbed run time."""
+        self.cluster, self.silent_s = cluster, silent_s
         self.dice = random.Random(SEED)
         self.all = ["kill"] * kills + ["stop"] * stops + ["lose"] * losses
         self.kills, self.left = kills, self.dice.sample(self.all, len(self.all))
@@ -143,7 +133,7 @@ class Chaos:
         for pid in self.tasks(name):
             slurm.send(pid, signal.SIGSTOP)
         self.cluster.call("scontrol", "update", f"NodeName={name}", "State=DOWN", "Reason=lost")
-        self.lost[name] = time.monotonic() + self.dice.uniform(*SILENT_S)
+        self.lost[name] = time.monotonic() + self.dice.uniform(*self.silent_s)
         return True
 
     def tasks(self, node):
@@ -163,8 +153,9 @@ class Chaos:
 
 def test_a_dataset_outlives_the_loss_of_processes_and_nodes(tmp_path, factor):
     print(f"\nGRASPMILL_CHAOS_SEED={SEED}")
-    shards, faults = (SHARDS, (20, 4, 4)) if factor > 1 else (SHARDS // 2, (4, 1, 1))
-    outs, size = [], ["--attempts", shards * SHARD]
+    # A shard of 1,200 attempts takes one to four seconds of a core; 5 s after a loss Slurm starts its tasks elsewhere.
+    shards, attempts, faults = (16, 1_200, (20, 4, 4, (6, 12))) if factor > 1 else (8, 600, (4, 1, 1, (6, 7)))
+    outs, size = [], ["--attempts", shards * attempts]
     began = time.monotonic()
     generate_at_once(tmp_path / "at_once", "--shards", shards, *size)
     work_s = time.monotonic() - began
@@ -182,42 +173,37 @@ def test_a_dataset_outlives_the_loss_of_processes_and_nodes(tmp_path, factor):
             chaos.every_s /= 2
         cluster.until(lambda: chaos.heal(float("inf")), PROGRAM_S, "lost tasks do not end")
     for out in outs:
-        ended = run("generator", "finalize", out)
-        assert ended.returncode == 0, ended.stdout + ended.stderr
+        run("generator", "finalize", out, code=0)
     begun, made = starts(tmp_path), log_of(tmp_path).count("attempts/s")
     seconds = f"{time.monotonic() - began:.0f} s, undisturbed {work_s:.0f} s"
     print(f"{dict(chaos.dealt)}: {len(outs)} datasets, {begun} starts, {made} ends, {rounds} rounds, {seconds}")
     assert chaos.was_enough() and begun > shards * len(outs) and rounds > len(outs)
     for out in outs:
-        assert run("generator", "gc", out).returncode == 0
+        run("generator", "gc", out, code=0)
         assert_same(out, tmp_path / "at_once")
 
 
-def test_few_tasks_make_many_shards(tmp_path):
+def test_few_tasks_make_many_shards(calm, tmp_path):
     out, size = tmp_path / "grasps", ["--attempts", 480]
-    with slurm.cluster(nodes=2, cpus=2) as cluster:
-        more = {"TASKS": 3, "OPTIONS": " ".join(map(str, size))}
-        cluster.wait(generate(cluster, out, 1, 8, **more), seconds=60)
-        assert (missing(out), missing(out, "--tasks", 3)) == ("0,2-3,5-6", "0,2")
-        job = generate(cluster, out, missing(out, "--tasks", 3), 8, **more)
-        finalize = f"{PROGRAMS / 'generator'} finalize {out}"
-        last = cluster.submit(f"--dependency=afterany:{job}", "--wrap", finalize, cwd=tmp_path)
-        cluster.wait(last, seconds=60)
-        assert set(cluster.states(last).values()) == {"COMPLETED"}, log_of(tmp_path, job)
-        assert missing(out, "--tasks", 3) == ""
-        job = generate(cluster, out, missing(out, "--tasks", 3), 8, **more)
-        cluster.wait(job, seconds=60)
-        assert set(cluster.states(job).values()) == {"COMPLETED"}, log_of(tmp_path, job)
-        assert "no shard was missing" in log_of(tmp_path, job)
+    more = {"TASKS": 3, "OPTIONS": " ".join(map(str, size))}
+    calm.wait(generate(calm, out, 1, 8, **more), seconds=60)
+    assert (missing(out), missing(out, "--tasks", 3)) == ("0,2-3,5-6", "0,2")
+    job = generate(calm, out, missing(out, "--tasks", 3), 8, **more)
+    last = calm.submit(f"--dependency=afterany:{job}", "--wrap", f"{PROGRAMS / 'generator'} finalize {out}", cwd=tmp_path)
+    calm.wait(last, seconds=60)
+    assert set(calm.states(last).values()) == {"COMPLETED"}, log_of(tmp_path, job)
+    assert missing(out, "--tasks", 3) == ""
+    job = generate(calm, out, missing(out, "--tasks", 3), 8, **more)
+    calm.wait(job, seconds=60)
+    assert set(calm.states(job).values()) == {"COMPLETED"} and "no shard was missing" in log_of(tmp_path, job), log_of(tmp_path, job)
     generate_at_once(tmp_path / "at_once", "--shards", 8, *size)
     assert_same(out, tmp_path / "at_once")
 
 
-def test_a_generator_that_the_nodes_do_not_have_is_named(tmp_path):
-    with slurm.cluster(nodes=1, cpus=1) as cluster:
-        job = generate(cluster, tmp_path / "grasps", 0, 1, GENERATOR="no-such-generator")
-        cluster.wait(job, seconds=60)
-        assert set(cluster.states(job).values()) == {"FAILED"}
+def test_a_generator_that_the_nodes_do_not_have_is_named(calm, tmp_path):
+    job = generate(calm, tmp_path / "grasps", 0, 1, GENERATOR="no-such-generator")
+    calm.wait(job, seconds=60)
+    assert set(calm.states(job).values()) == {"FAILED"}
     assert "error: no-such-generator is no program on node" in log_of(tmp_path, job)
 
 
@@ -226,13 +212,14 @@ def warn(cluster, job):
     cluster.call("scancel", "--signal=TERM", "--batch", job)
 
 
-def test_a_task_stops_before_its_time_limit_and_starts_again(tmp_path):
-    with slurm.cluster(nodes=1, cpus=1) as cluster:
-        job = generate(cluster, tmp_path / "grasps", 0, 1, "--attempts", 20_000)
-        cluster.until((tmp_path / "grasps/meta/info.json").exists, PROGRAM_S, "the generator does not begin")
-        warn(cluster, f"{job}_0")
-        cluster.until(lambda: starts(tmp_path, job) == 2, PROGRAM_S, "the task does not start again")
-    assert log_of(tmp_path, job).count("stopping: abandoning the scenes under way") == 1
+def test_a_task_stops_before_its_time_limit_and_starts_again(calm, tmp_path):
+    job = generate(calm, tmp_path / "grasps", 0, 1, "--attempts", 20_000)
+    calm.until((tmp_path / "grasps/meta/info.json").exists, PROGRAM_S, "the generator does not begin")
+    warn(calm, f"{job}_0")
+    calm.until(lambda: starts(tmp_path, job) == 2, PROGRAM_S, "the task does not start again")
+    said = log_of(tmp_path, job)
+    calm.call("scancel", job)
+    assert said.count("stopping: abandoning the scenes under way") == 1
 
 
 def requeue(cluster, job):
@@ -262,24 +249,25 @@ def is_told(pid):
     return True
 
 
-def test_training_goes_on_after_requeue_preemption_and_time_limit(tmp_path):
-    made, calm = tmp_path / "run", tmp_path / "calm"
-    with slurm.cluster(nodes=2, cpus=1, requeue_exit=None) as cluster:
-        job = train(cluster, tmp_path, "--epochs", EPOCHS, TRAINER=PROGRAMS / "trainer")
-        for start, how in enumerate([requeue, preempt, warn], 1):
-            done = len(metrics(made))
-            cluster.until(lambda: len(metrics(made)) > done, PROGRAM_S, f"start {start} makes no epoch")
-            assert starts(tmp_path, job) == start
-            interrupt(cluster, job, how)
-        cluster.wait(job, seconds=PROGRAM_S)
-        log = log_of(tmp_path, job)
-        assert cluster.states(job) == {job: "COMPLETED"}, log
-    assert (log.count("stopped by a signal"), log.count("resumed "), starts(tmp_path, job)) == (3, 3, 4), log
-    ended = run("trainer", "fit", "--data", DATASET, "--config", QUICK, "--epochs", EPOCHS, "--run", calm)
-    assert ended.returncode == 0, ended.stderr
-    assert len(metrics(calm)) == EPOCHS and metrics(made) == metrics(calm)
+def test_training_goes_on_after_requeue_preemption_and_time_limit(training, tmp_path, factor):
+    """Slurm preempts by a requeue of its own, so one of the two is enough where time matters."""
+    made, undisturbed, cluster = tmp_path / "run", tmp_path / "undisturbed", training
+    ways = [preempt, warn] if factor == 1 else [requeue, preempt, warn]
+    count, epochs = len(ways), 2 * len(ways)
+    job = train(cluster, tmp_path, "--epochs", epochs, TRAINER=PROGRAMS / "trainer")
+    for start, how in enumerate(ways, 1):
+        done = len(metrics(made))
+        cluster.until(lambda: len(metrics(made)) > done, PROGRAM_S, f"start {start} makes no epoch")
+        assert starts(tmp_path, job) == start
+        interrupt(cluster, job, how)
+    cluster.wait(job, seconds=PROGRAM_S)
+    log = log_of(tmp_path, job)
+    assert cluster.states(job) == {job: "COMPLETED"}, log
+    assert (log.count("stopped by a signal"), log.count("resumed "), starts(tmp_path, job)) == (count, count, count + 1), log
+    run("trainer", "fit", "--data", DATASET, "--config", QUICK, "--epochs", epochs, "--run", undisturbed, code=0)
+    assert len(metrics(undisturbed)) == epochs and metrics(made) == metrics(undisturbed)
     for name in ("best.safetensors", "last.safetensors"):
-        assert (made / name).read_bytes() == (calm / name).read_bytes(), name
+        assert (made / name).read_bytes() == (undisturbed / name).read_bytes(), name
 
 
 STUB = """#!/bin/bash
@@ -291,17 +279,14 @@ wait
 """
 
 
-def test_training_is_not_started_for_ever(tmp_path):
-    trainer = tmp_path / "trainer"
-    trainer.write_text(STUB)
-    trainer.chmod(0o755)
-    with slurm.cluster(nodes=3, cpus=1, requeue_exit=None) as cluster:
-        damaged = train(cluster, tmp_path, TRAINER=trainer, CODE=65)
-        in_trouble = train(cluster, tmp_path, TRAINER=trainer, CODE=75, RESTARTS_MAX=1)
-        cancelled = train(cluster, tmp_path, TRAINER=trainer, CODE="")
-        cluster.until(lambda: "waiting" in log_of(tmp_path, cancelled), PROGRAM_S, "no trainer")
-        cluster.call("scancel", cancelled)
-        expected = {damaged: (1, "FAILED"), in_trouble: (2, "FAILED"), cancelled: (1, "CANCELLED")}
-        for job in expected:
-            cluster.wait(job, seconds=60)
-        assert {job: (starts(tmp_path, job), cluster.states(job)[job]) for job in expected} == expected
+def test_training_is_not_started_for_ever(training, tmp_path):
+    trainer = executable(tmp_path / "stub", STUB)
+    damaged = train(training, tmp_path, TRAINER=trainer, CODE=65)
+    in_trouble = train(training, tmp_path, TRAINER=trainer, CODE=75, RESTARTS_MAX=1)
+    cancelled = train(training, tmp_path, TRAINER=trainer, CODE="")
+    training.until(lambda: "waiting" in log_of(tmp_path, cancelled), PROGRAM_S, "no trainer")
+    training.call("scancel", cancelled)
+    expected = {damaged: (1, "FAILED"), in_trouble: (2, "FAILED"), cancelled: (1, "CANCELLED")}
+    for job in expected:
+        training.wait(job, seconds=60)
+    assert {job: (starts(tmp_path, job), training.states(job)[job]) for job in expected} == expected

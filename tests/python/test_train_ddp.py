@@ -4,9 +4,7 @@ Rendezvous and gloo are on loopback, at free ports.
 """
 
 import os
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -14,9 +12,11 @@ graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed:
 torch = pytest.importorskip("torch")
 
 import graspmill.torch as gt  # noqa: E402
+from programs import ROOT, at_seventh_step, ran  # noqa: E402
 
-EXAMPLES = Path(__file__).parents[2] / "python" / "examples"
+EXAMPLES = ROOT / "python" / "examples"
 END_S = 240
+WORDS = ["--network=judge", "--batch=32", "--epochs=2", "--checkpoint-steps=2"]
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +29,13 @@ def torchrun(folder, script, *words, restarts=0):
     """Runs a script as two ranks with one thread each."""
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2", f"--max-restarts={restarts}"]
     env = {**os.environ, "OMP_NUM_THREADS": "1", "TORCH_DISABLE_SHARE_RDZV_TCP_STORE": "1"}
-    done = subprocess.run([*command, script, *map(str, words)], cwd=folder, env=env, capture_output=True, text=True, timeout=END_S)
-    assert done.returncode == 0, done.stderr[-4000:]
-    return done.stdout
+    done = ran(*command, script, *words, cwd=folder, env=env, timeout=END_S, code=None)
+    assert done.returncode == 0, done.stderr[-4000:]  # a rank that ends tells of it in a traceback
+    return done
 
 
-GRADIENTS = """
+# Both networks' gradients, then a whole run of the example in the same group, and one that must be refused.
+FIRST = """
 import os, sys
 sys.path.insert(0, {examples!r})
 import graspmill, torch
@@ -55,25 +56,34 @@ for name, cls, make in (("voxel", GraspStream, VoxelNetwork), ("judge", GraspCro
     found[name] = {{key: value.grad for key, value in net.named_parameters()}}
 if dist.get_rank() == 0:
     torch.save(found, "gradients.pt")
-dist.destroy_process_group()
-train_ddp.leave(0)
+train_ddp.train(train_ddp.arguments([*{words!r}, "--resume", "--out", "calm"]))
+sys.argv[1:] = [*{words!r}, "--out", "calm"]
+code = train_ddp.main()
+train_ddp.leave(0 if code == graspmill.InputError.exit_code else 1)
 """
 
 
-def test_the_gradients_of_two_ranks_are_those_of_the_whole_batch(dataset, tmp_path):
-    nets = {"voxel": (gt.GraspStream, gt.VoxelNetwork), "judge": (gt.GraspCropStream, lambda: gt.Judge(dataset))}
+@pytest.fixture(scope="module")
+def first(dataset, tmp_path_factory):
+    """What two ranks computed and said, and the batches of which the gradients are."""
+    folder = tmp_path_factory.mktemp("first")
     whole = {"batch": 10, "samples_per_scene": 8, "global_batch": True, "rank": 0, "world_size": 1}
-    batches = {name: list(cls(dataset, **whole)) for name, (cls, _) in nets.items()}
+    batches = {name: list(cls(dataset, **whole)) for name, cls in (("voxel", gt.GraspStream), ("judge", gt.GraspCropStream))}
     # An odd number, so that the ranks' shares differ; and a held grasp, without which rotations have no gradient.
     is_wanted = lambda batch: len(batch["label"]) % 2 == 1 and batch["label"].any()  # noqa: E731
     steps = {name: [is_wanted(batch) for batch in listed].index(True) for name, listed in batches.items()}
-    script = tmp_path / "gradients.py"
-    script.write_text(GRADIENTS.format(examples=str(EXAMPLES), location=dataset._native.location, steps=steps))
-    torchrun(tmp_path, script)
-    found = torch.load(tmp_path / "gradients.pt", weights_only=True)
-    for name, (_, make) in nets.items():
+    script = folder / "first.py"
+    location = dataset._native.location
+    script.write_text(FIRST.format(examples=str(EXAMPLES), location=location, steps=steps, words=[location, *WORDS]))
+    return folder, torchrun(folder, script), {name: listed[steps[name]] for name, listed in batches.items()}
+
+
+def test_the_gradients_of_two_ranks_are_those_of_the_whole_batch(dataset, first):
+    folder, _, batches = first
+    found = torch.load(folder / "gradients.pt", weights_only=True)
+    for name, make in (("voxel", gt.VoxelNetwork), ("judge", lambda: gt.Judge(dataset))):
         torch.manual_seed(3)
-        net, batch = make(), batches[name][steps[name]]
+        net, batch = make(), batches[name]
         value = gt.judge_loss(net.at(batch), batch) if name == "judge" else gt.loss(*net.at(batch), batch)
         value.backward()
         for key, parameter in net.named_parameters():
@@ -83,38 +93,17 @@ def test_the_gradients_of_two_ranks_are_those_of_the_whole_batch(dataset, tmp_pa
 
 
 # Rank 1 is killed once, at its seventh step; the checkpoint before is of the fourth or the sixth.
-KILLED = """
-import os, signal, sys
-sys.path.insert(0, {examples!r})
-import train_ddp
-
-forward, steps = train_ddp.Step.forward, []
+KILLED = 'if (os.environ["RANK"], os.environ["TORCHELASTIC_RESTART_COUNT"]) == ("1", "0"): os.kill(os.getpid(), signal.SIGKILL)'
 
 
-def killed(self, batch):
-    steps.append(None)
-    if (os.environ["RANK"], os.environ["TORCHELASTIC_RESTART_COUNT"], len(steps)) == ("1", "0", 7):
-        os.kill(os.getpid(), signal.SIGKILL)
-    return forward(self, batch)
-
-
-train_ddp.Step.forward = killed
-train_ddp.leave(train_ddp.main())
-"""
-
-
-def test_a_run_whose_rank_is_killed_ends_as_one_that_is_not(dataset, tmp_path):
+def test_a_run_whose_rank_is_killed_ends_as_one_that_is_not(dataset, first, tmp_path):
+    folder, calm, _ = first
     script = tmp_path / "killed.py"
-    script.write_text(KILLED.format(examples=str(EXAMPLES)))
-    words = [dataset._native.location, "--network=judge", "--batch=32", "--epochs=2", "--checkpoint-steps=2", "--resume", "--out"]
-    calm = torchrun(tmp_path, EXAMPLES / "train_ddp.py", *words, "calm")
-    torchrun(tmp_path, script, *words, "killed", restarts=1)
-    weights = [gt.Judge.load(tmp_path / run / "weights.safetensors").state_dict() for run in ("calm", "killed")]
+    script.write_text(at_seventh_step(KILLED))
+    torchrun(tmp_path, script, dataset._native.location, *WORDS, "--resume", "--out", "killed", restarts=1)
+    weights = [gt.Judge.load(run / "weights.safetensors").state_dict() for run in (folder / "calm", tmp_path / "killed")]
     assert all(torch.equal(tensor, weights[1][name]) for name, tensor in weights[0].items())
-    losses = [float(line.rsplit(": ", 1)[1]) for line in calm.splitlines() if line.startswith("epoch")]
+    losses = [float(line.rsplit(": ", 1)[1]) for line in calm.stdout.splitlines() if line.startswith("epoch")]
     assert losses[-1] < losses[0]
-    assert not list(tmp_path.glob("*/*.tmp"))
-    again = [sys.executable, EXAMPLES / "train_ddp.py", *words[:-2], "--out", "calm"]
-    refused = subprocess.run(list(map(str, again)), cwd=tmp_path, capture_output=True, text=True, timeout=END_S)
-    assert refused.returncode == graspmill.InputError.exit_code
-    assert refused.stderr.splitlines()[-1] == "error: --out must be a new folder, or --resume be given: there is calm/last.pt"
+    assert not [*folder.glob("*/*.tmp"), *tmp_path.glob("*/*.tmp")]
+    assert "error: --out must be a new folder, or --resume be given: there is calm/last.pt" in calm.stderr
