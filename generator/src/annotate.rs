@@ -251,7 +251,7 @@ impl<'a> Bench<'a> {
     }
 
     fn set(&self, grasps: Vec<ObjectGrasp>) -> ObjectGrasps {
-        let Annotated { object, file, scale_m, origin_m } = self.annotated;
+        let Annotated { object, file, scale_m, origin_m, warnings } = self.annotated;
         let given = |stable: &StablePose| {
             let translation = stable.table_from_object.translation - stable.table_from_object.rotation * *origin_m;
             let table_from_object = Pose::from_parts(translation, stable.table_from_object.rotation);
@@ -261,6 +261,7 @@ impl<'a> Bench<'a> {
             name: object.body.name().to_owned(),
             file: file.clone(),
             scale_m: *scale_m,
+            warnings: warnings.clone(),
             gripper: self.params.gripper.clone(),
             test: self.params.test,
             mass_kg: object.mass_kg,
@@ -300,7 +301,13 @@ mod tests {
 
     fn annotated(body: Body, mass_kg: f32, friction: f32) -> Annotated {
         let object = CatalogueObject { body, mass_kg, friction, origin_m: Vec3::ZERO };
-        Annotated { object, file: "a test".to_owned(), scale_m: 1.0, origin_m: Vec3::new(0.5, -1.0, 2.0) }
+        Annotated {
+            object,
+            file: "a test".to_owned(),
+            scale_m: 1.0,
+            origin_m: Vec3::new(0.5, -1.0, 2.0),
+            warnings: Vec::new(),
+        }
     }
 
     fn cuboid(extents_m: [f32; 3]) -> Body {

@@ -24,7 +24,7 @@ use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
 use self::drops::rested;
-use self::summary::{catalogue_text, warnings};
+use self::summary::{catalogue_text, scene_warnings, warnings};
 use self::units::{Own, guessed_scale_m, own_values};
 use crate::catalogue::{Catalogue, MASS_KG};
 use crate::config::Config;
@@ -261,7 +261,8 @@ impl Import<'_> {
         let (body, thing) = (&models.bodies()[0], &models.stored()[0]);
         let (least, drops) = (params.rests_min, params.drops);
         object.rested = rested(body, thing.mass_kg, thing.friction, config, drops);
-        object.warnings = warnings(&object, config, measured, drops);
+        object.warnings = warnings(&object, measured);
+        object.scene_warnings = scene_warnings(&object, config, measured, drops);
         let file = file.display();
         match object.rested {
             Some(rested) if f64::from(rested) < least * f64::from(drops) => Err(unusable(format!(
@@ -291,6 +292,16 @@ impl Import<'_> {
             (None, Some(_)) => measured.enclosed_m3,
             (None, None) => measured.hull_volume_m3,
         };
+        let mut guesses = Vec::new();
+        if own.scale.or(params.scale).is_none() && source.described.is_none() {
+            guesses.push(format!("one unit of its file is {} m, guessed from its size: --scale decides", self.scale_m));
+        }
+        if mass_kg.or(own.density_kg_m3).or(params.density).is_none() {
+            let mass_g = 1e3 * density_kg_m3 * filled_m3;
+            guesses.push(format!(
+                "it weighs {mass_g:.1} g, of {density_kg_m3} kg/m3, guessed: --mass or --density decides"
+            ));
+        }
         let mass_kg = mass_kg.unwrap_or(density_kg_m3 * filled_m3);
         let share = |solid: MassIntegrals| of_parts.volume_m3 / solid.volume_m3;
         let whole = few_cornered_hull(&measured.corners_m, WIDTH_CORNERS)?.0;
@@ -315,7 +326,9 @@ impl Import<'_> {
             parts_volume_share: measured.solid.map(share),
             smallest_width_m: smallest_width_m(&whole, &measured.corners_m),
             rested: None,
+            guesses,
             warnings: Vec::new(),
+            scene_warnings: Vec::new(),
         })
     }
 }

@@ -116,6 +116,7 @@ pub fn grasps_info(set: &ObjectGrasps) -> Value {
             "parts_m": set.parts.iter().map(|part| flat_points(part.corners_m().iter().copied())).collect::<Vec<_>>(),
             "mass_kg": set.mass_kg,
             "friction": set.friction,
+            "warnings": set.warnings,
         },
         "test": set.test.name(),
         "gripper": set.gripper,

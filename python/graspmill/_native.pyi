@@ -50,6 +50,7 @@ class Body:
     extents_m: list[float]
     volume_m3: float
     centre_m: list[float]
+    off_m: float
     def __new__(cls, name: str, extents_m: Sequence[float], parts: Sequence[Sequence[Sequence[float]]] | None) -> Body: ...
     def __getnewargs__(self) -> tuple[str, list[float], list[list[list[float]]] | None]: ...
     @staticmethod

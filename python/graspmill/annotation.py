@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from typing import Callable
 
 from numpy.typing import ArrayLike
@@ -40,6 +41,9 @@ def annotate(
         threads: Number of threads, by default one per core.
         progress: Is told how many grasps there are; an exception that it raises stops the work.
 
+    Warns:
+        UserWarning: Of what was guessed of a file (unit, mass) and what is unusual about it, as ``info["object"]["warnings"]`` has it.
+
     Raises:
         InputError: If an argument is wrong, or the file cannot be used.
     """
@@ -64,4 +68,7 @@ def annotate(
         while not work.has_ended():
             if progress is not None:
                 progress(work.made)
-    return ObjectGrasps(**parquet.of_columns(work.columns(), json.loads(work.info())))
+    info = json.loads(work.info())
+    for text in info["object"]["warnings"]:
+        warnings.warn(f"{info['object']['name']}: {text}", stacklevel=2)
+    return ObjectGrasps(**parquet.of_columns(work.columns(), info))

@@ -8,6 +8,7 @@ workspace. Lengths are metres, masses kilograms, angles radians.
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping, Sequence, TypeVar
 
@@ -26,6 +27,8 @@ HITS: tuple[str, ...] = tuple(_native.Dataset.names()[1])
 
 #: Longest object, in metres.
 EXTENT_M_MAX = 2.0
+#: Parts that leave a mesh's surface by more than this are warned of, in metres.
+OFF_M = 0.002
 #: Density of objects whose mass is not given, in kg/m³: the middle of the range of ``paper.toml``.
 DENSITY_KG_M3 = 500.0
 _SETTINGS_HELP = "docs/reference/settings.md lists the keys"
@@ -120,6 +123,9 @@ class Object(Immutable):
             parts_max: The largest number of convex parts, 1 to 1024.
             corners_max: The largest number of corners of a part, 8 to 256.
             tolerance_m: The mesh is cut into more parts until they leave its surface by no more than this, in metres.
+
+        Warns:
+            UserWarning: Where the parts leave its surface by more than 2 mm.
         """
         with _arrays.read_as("mesh must be (vertices, faces), or have these attributes", type(mesh)):
             vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else mesh
@@ -131,6 +137,8 @@ class Object(Immutable):
         limits = _arrays.whole("parts_max", parts_max, 1, 1024), _arrays.whole("corners_max", corners_max, 8, 256)
         tolerance_m = _arrays.number("tolerance_m", tolerance_m, 0.000_05, 0.01)
         body = _native.Body.mesh(_arrays.text("name", name) or "mesh", corners, triangles, *limits, tolerance_m)
+        if body.off_m > OFF_M:
+            warnings.warn(f"{name}: its parts leave its surface by up to {1e3 * body.off_m:.1f} mm: more parts_max or corners_max", stacklevel=2)
         workspace_from_mesh = _arrays.matrices([_arrays.pose("pose", pose)])[0]
         centre = np.eye(4)
         centre[:3, 3] = body.centre_m

@@ -67,7 +67,7 @@ impl Annotation {
             let annotated = match (body, file) {
                 (Some((body, mass_kg, friction)), _) => {
                     let object = CatalogueObject { body, mass_kg, friction, origin_m: Vec3::ZERO };
-                    Annotated { object, file: String::new(), scale_m: 1.0, origin_m: Vec3::ZERO }
+                    Annotated { object, file: String::new(), scale_m: 1.0, origin_m: Vec3::ZERO, warnings: Vec::new() }
                 }
                 (None, file) => of_file(file)?,
             };

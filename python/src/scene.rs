@@ -140,6 +140,9 @@ pub(crate) struct Body {
     body: simulator::Body,
     /// The middle of its bounding box in the frame in which it was given.
     centre_m: Vec3,
+    /// How far its parts leave the surface of a mesh, in metres.
+    #[pyo3(get)]
+    off_m: f32,
 }
 
 #[pymethods]
@@ -153,7 +156,7 @@ impl Body {
         let extents_m = Vec3::from_array(extents_m);
         let model = Model { name, mass_kg: 0.0, friction: 0.0, extents_m, volume_m3: 0.0, parts };
         let body = simulator::Body::of_model(&model).map_err(|error| wrong(error.to_string()))?;
-        Ok(Self { body, centre_m: Vec3::ZERO })
+        Ok(Self { body, centre_m: Vec3::ZERO, off_m: 0.0 })
     }
 
     /// The arguments with which pickle makes it again.
@@ -170,7 +173,7 @@ impl Body {
         let kind = ShapeKind::from_name(kind)
             .ok_or_else(|| wrong(format!("shape must be one of {}, got {kind:?}", names())))?;
         let solid = Solid::new(kind, Vec3::from_array(extents_m)).map_err(wrong)?;
-        Ok(Self { body: solid.into(), centre_m: Vec3::ZERO })
+        Ok(Self { body: solid.into(), centre_m: Vec3::ZERO, off_m: 0.0 })
     }
 
     /// A mesh, decomposed into convex parts. After a signal the decomposition, one call of another crate, goes on by
@@ -203,7 +206,7 @@ impl Body {
             let part = |hull| Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY };
             let body = simulator::Body::of_parts(name.clone(), parts.hulls.into_iter().map(part).collect());
             let body = body.map_err(|error| refused(error.to_string()))?;
-            Ok(Self { body, centre_m: 0.5 * (low + high) })
+            Ok(Self { body, centre_m: 0.5 * (low + high), off_m: parts.filled_m.max(parts.simplified_m) })
         };
         Apart::start(0, move |_, _| made())?.next(py)
     }
@@ -344,7 +347,7 @@ impl Scene {
     /// The shape, mass and friction of an object.
     fn object(&self, number: usize) -> Option<(Body, f32, f32)> {
         let object = self.scene.objects.get(number)?;
-        Some((Body { body: object.body.clone(), centre_m: Vec3::ZERO }, object.mass_kg, object.friction))
+        Some((Body { body: object.body.clone(), centre_m: Vec3::ZERO, off_m: 0.0 }, object.mass_kg, object.friction))
     }
 
     /// The objects' poses, `[N, 7]`.

@@ -88,6 +88,8 @@ pub struct ObjectGrasps {
     pub file: String,
     /// Metres per unit of that file.
     pub scale_m: f64,
+    /// What was guessed of the object, and what is unusual about it.
+    pub warnings: Vec<String>,
     /// The hand.
     pub gripper: Gripper,
     /// What it had to bear.

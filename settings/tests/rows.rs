@@ -125,7 +125,7 @@ fn hostile_values_are_refused_without_a_panic() {
     assert_eq!(colourful[0], "\\u{1b}[31m is an unknown key");
     assert!(colourful.iter().all(|fault| !fault.contains('\u{1b}')), "{colourful:?}");
     let long = faults(&format!("share = \"{}\"\n{GOOD}", "é".repeat(1000)).replace("share = 0.5\n", ""));
-    assert!(long[0].chars().count() < 150, "{long:?}");
+    assert!(long[0].chars().count() < 200, "{long:?}");
 }
 
 #[test]

@@ -152,7 +152,7 @@ settings! {
 }
 
 /// What is not stored, so that runs from before it can be resumed.
-pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 

@@ -276,12 +276,17 @@ fn document(infos: &[Value], left_out: &[LeftOut], out: &Path) -> Document {
         let why = "the hand finds no more between two of its sides";
         (made < wanted).then(|| format!("{}: {made} grasps instead of {wanted}: {why}", name(info)))
     });
+    let said = |info: &Value| {
+        let texts = info["object"]["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str);
+        texts.map(|text| format!("{}: {text}", name(info))).collect::<Vec<_>>()
+    };
+    let left_out_texts = left_out.iter().map(|one| format!("left out: {}", one.reason));
     let [grasps, held] = ["/grasps", "/outcomes/held"].map(|at| infos.iter().map(|info| number(info, at)).sum::<u64>());
     let agreement = infos.iter().find_map(|info| agreement_text(&info["agreement"]));
     let plural = if infos.len() == 1 { "" } else { "s" };
     let mut blocks = vec![
         Block::Table(Table::new(head, infos.iter().map(row))),
-        Block::Warnings(few.chain(left_out.iter().map(|one| format!("left out: {}", one.reason))).collect()),
+        Block::Warnings(infos.iter().flat_map(said).chain(few).chain(left_out_texts).collect()),
         Block::Text(format!(
             "{grasps} grasps of {} object{plural}, {held} held, in {}; {} left out",
             infos.len(),

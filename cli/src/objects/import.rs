@@ -195,7 +195,10 @@ fn document(imported: &Imported, out: &Path) -> Document {
         "narrowest, mm",
         "rests",
     ];
-    let warnings = |o: &ImportedObject| o.warnings.iter().map(|text| format!("{}: {text}", o.name)).collect::<Vec<_>>();
+    let warnings = |o: &ImportedObject| {
+        let texts = o.warnings.iter().chain(&o.scene_warnings);
+        texts.map(|text| format!("{}: {text}", o.name)).collect::<Vec<_>>()
+    };
     let count = imported.objects.len();
     let plural = if count == 1 { "" } else { "s" };
     let left_out = imported.left_out.iter().map(|one| format!("left out: {}", one.reason));

@@ -33,6 +33,7 @@ impl Annotated {
                 file: path.display().to_string(),
                 scale_m: 1.0,
                 origin_m: object.origin_m,
+                warnings: Vec::new(),
             }));
         }
         if !meshes.is_empty() {
@@ -47,6 +48,7 @@ impl Annotated {
                 file: of_file.file.display().to_string(),
                 scale_m: of_file.scale_m,
                 origin_m: object.origin_m + Vec3::from_array(of_file.middle_m.map(|m| m as f32)),
+                warnings: of_file.guesses.iter().chain(&of_file.warnings).cloned().collect(),
             }));
             left_out = imported.left_out;
         }

@@ -55,6 +55,8 @@ pub struct Annotated {
     pub scale_m: f64,
     /// The origin of the body's frame in the frame in which grasps are given, which has the same axes.
     pub origin_m: Vec3,
+    /// What was guessed of it, and what is unusual about it.
+    pub warnings: Vec<String>,
 }
 
 impl Default for AnnotateParams {

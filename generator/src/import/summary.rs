@@ -61,12 +61,16 @@ pub struct ImportedObject {
     pub smallest_width_m: f64,
     /// After how many of the test drops it came to rest in the workspace, if it fits into a scene.
     pub rested: Option<u32>,
-    /// Warnings as text.
+    /// What nobody said, and was guessed.
+    pub guesses: Vec<String>,
+    /// What is unusual about it, one sentence each.
     pub warnings: Vec<String>,
+    /// What is unusual about it in scenes.
+    pub scene_warnings: Vec<String>,
 }
 
-/// What is unusual about an object, one sentence each.
-pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Measured, drops: u32) -> Vec<String> {
+/// What is unusual about an object.
+pub(super) fn warnings(object: &ImportedObject, measured: &Measured) -> Vec<String> {
     let of_parts = "its mass, unless given, is that of its hull, its inertia that of its parts";
     let mut warnings = Vec::new();
     if !object.is_watertight {
@@ -87,20 +91,6 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
     if measured.was_inside_out {
         warnings.push("its triangles were inside out; they were reversed".to_owned());
     }
-    let opening_m = config.gripper.all().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max);
-    if object.smallest_width_m >= f64::from(opening_m) {
-        let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, opening_m * 1000.0);
-        warnings.push(format!(
-            "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
-        ));
-    }
-    let side_m = config.grid.size_m;
-    if measured.extents_m.length() > f64::from(side_m) {
-        warnings.push(format!(
-            "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped; --rests-min leaves such \
-             objects out"
-        ));
-    }
     if let Some(share) = object.parts_volume_share.filter(|share| (share - 1.0).abs() > VOLUME_SHARE) {
         let cure = if share > 1.0 {
             "a smaller --tolerance: the parts fill hollows"
@@ -114,6 +104,26 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
         warnings.push(format!(
             "its parts leave its surface by up to {:.1} mm: more --hulls-max or --corners-max",
             1000.0 * off_m
+        ));
+    }
+    warnings
+}
+
+/// What is unusual about an object in scenes.
+pub(super) fn scene_warnings(object: &ImportedObject, config: &Config, measured: &Measured, drops: u32) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let opening_m = config.gripper.all().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max);
+    if object.smallest_width_m >= f64::from(opening_m) {
+        let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, opening_m * 1000.0);
+        warnings.push(format!(
+            "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
+        ));
+    }
+    let side_m = config.grid.size_m;
+    if measured.extents_m.length() > f64::from(side_m) {
+        warnings.push(format!(
+            "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped; --rests-min leaves such \
+             objects out"
         ));
     }
     if let Some(rested) = object.rested.filter(|rested| *rested < drops) {

@@ -49,6 +49,8 @@ struct About {
     name: String,
     file: String,
     scale_m: f64,
+    #[serde(default)]
+    warnings: Vec<String>,
     extents_m: [f32; 3],
     centre_of_mass_m: [f32; 3],
     parts_m: Vec<Vec<[f32; 3]>>,
@@ -79,7 +81,7 @@ pub fn read_grasp_set(folder: &Path, name: &str) -> Result<ObjectGrasps, Failure
         let is_finite = corners_m.iter().all(|corner| corner.is_finite());
         Polyhedron::hull_of(&corners_m).ok().filter(|_| is_finite).ok_or_else(|| rule("object.parts_m"))
     };
-    let About { name, file, scale_m, extents_m, centre_of_mass_m, parts_m, mass_kg, friction } = info.object;
+    let About { name, file, scale_m, warnings, extents_m, centre_of_mass_m, parts_m, mass_kg, friction } = info.object;
     let parts = parts_m.iter().map(hull).collect::<Result<Vec<_>, _>>()?;
     if parts.is_empty() || !(mass_kg > 0.0 && friction >= 0.0) {
         return Err(rule("object"));
@@ -96,6 +98,7 @@ pub fn read_grasp_set(folder: &Path, name: &str) -> Result<ObjectGrasps, Failure
         name,
         file,
         scale_m,
+        warnings,
         gripper: info.gripper,
         test,
         mass_kg,
@@ -209,6 +212,7 @@ mod tests {
             name: "cube".to_owned(),
             file: "cube.obj".to_owned(),
             scale_m: 0.001,
+            warnings: vec!["one unit of its file is 0.001 m".to_owned()],
             gripper: Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap(),
             test: GripTest::Tug,
             mass_kg: 0.1,

@@ -31,7 +31,7 @@ settings! {
         /// Turns by 0°, 90°, 180° or 270° about the vertical, each as likely.
         pub quarter_turns: bool; or false,
         /// Mirrored in a vertical plane, or not, each as likely.
-        #[serde(skip_serializing_if = "crate::config::is_default")]
+        #[serde(skip_serializing_if = "core::ops::Not::not")]
         pub mirrors: bool; or false,
         /// Most voxels by which a scene is shifted up or down.
         pub shift_z_voxels_max: usize where 0..=RESOLUTION - 1; or 0,
