@@ -1,7 +1,7 @@
 //! The journal of an experiment: the rounds that were played, one a line, from which an interrupted run continues.
 //!
-//! A line ends with a seal, the SHA-256 of the line without it, so that damage and edits are noticed. A last line without
-//! a line break was cut off: its round is played again.
+//! A line ends with a seal, the SHA-256 of the line without it, so that damage and edits are noticed. A last line
+//! without a line break was cut off: its round is played again.
 
 use std::collections::BTreeMap;
 use std::fs::File;

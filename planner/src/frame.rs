@@ -11,7 +11,8 @@ use schema::{Grid, Mat3, Plane, Pose, Purpose, Quat, Stream, Vec3, pose_from_par
 use crate::input::{InputError, refuse};
 use crate::observation::{FindTable, Observation, View};
 
-/// A quick look is at so many along an image's width; a table is among what they show with at least this share, and level.
+/// A quick look is at so many along an image's width; a table is among what they show with at least this share, and
+/// level.
 const QUICK_COLUMNS_PX: usize = 80;
 const QUICK_SHARE_MIN: f32 = 0.2;
 const QUICK: PlaneParams =

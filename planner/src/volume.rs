@@ -15,8 +15,8 @@ use crate::region::Region;
 /// Where grasps are looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Workspace {
-    /// In what was seen in a box, its lower and its upper corner in metres; otherwise in all of the grid, which a network
-    /// of voxels needs.
+    /// In what was seen in a box, its lower and its upper corner in metres; otherwise in all of the grid, which a
+    /// network of voxels needs.
     pub within_m: Option<[Vec3; 2]>,
     /// The voxels.
     pub grid: Grid,

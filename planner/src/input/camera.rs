@@ -62,8 +62,8 @@ impl<'de> Visitor<'de> for IntrinsicsVisitor {
     }
 }
 
-/// A rigid transform: four rows of four numbers, or a position and a quaternion; or `"table"` of what is to be placed on
-/// it.
+/// A rigid transform: four rows of four numbers, or a position and a quaternion; or `"table"` of what is to be placed
+/// on it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PoseInput {
     /// The table is to be found, and the workspace put on it.
