@@ -294,13 +294,12 @@ impl Import<'_> {
         };
         let mut guesses = Vec::new();
         if own.scale.or(params.scale).is_none() && source.described.is_none() {
-            guesses.push(format!("one unit of its file is {} m, guessed from its size: --scale decides", self.scale_m));
+            guesses.push(format!("one unit of its file is {} m, guessed from its size: give the scale", self.scale_m));
         }
         if mass_kg.or(own.density_kg_m3).or(params.density).is_none() {
             let mass_g = 1e3 * density_kg_m3 * filled_m3;
-            guesses.push(format!(
-                "it weighs {mass_g:.1} g, of {density_kg_m3} kg/m3, guessed: --mass or --density decides"
-            ));
+            guesses
+                .push(format!("it weighs {mass_g:.1} g, of {density_kg_m3} kg/m3, guessed: give its mass or density"));
         }
         let mass_kg = mass_kg.unwrap_or(density_kg_m3 * filled_m3);
         let share = |solid: MassIntegrals| of_parts.volume_m3 / solid.volume_m3;

@@ -137,7 +137,7 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, Failure> {
     let (_, metadata) = SafeTensors::read_metadata(file).map_err(|source| broken(source, path))?;
     let tensors = SafeTensors::deserialize(file).map_err(|source| broken(source, path))?;
     let header = header::read(metadata.metadata().as_ref(), path);
-    if header.is_err() {
+    if metadata.metadata().as_ref().is_none_or(|metadata| !metadata.contains_key(header::KEY)) {
         // Weights of another program: what is wrong with them says more than what they lack.
         vector(&tensors, &parameter_slots(), "", path)?;
     }

@@ -60,10 +60,10 @@ class HandBoxes:
     meshes_m3: float
     parts: list[tuple[Floats, bool]]
 
-    def gripper(self, name: str, **others: float) -> Gripper:
+    def gripper(self, name: str, **others: Any) -> Gripper:
         """The gripper, with what a description does not tell: ``finger_mass_kg``, ``finger_force_n``, ``closing_speed_m_s`` and,
         unless they are its defaults, ``friction`` and ``clearance_m`` of :class:`Gripper`."""
-        lengths: dict[str, float] = {key: getattr(self, key) for key in LENGTHS[:7]}
+        lengths: dict[str, Any] = {key: getattr(self, key) for key in LENGTHS[:7]}
         return Gripper(name=name, flange_from_grasp=self.flange_from_grasp, **lengths, **others)
 
 

@@ -326,6 +326,42 @@ mod tests {
         }
     }
 
+    /// A tube with a plate in its lower end, whose upper face lies in a cut: what is above has no part in it.
+    #[test]
+    fn shells_that_overlap_do_not_reach_over_a_cut() {
+        const SIDES: u32 = 24;
+        let at = |radius_m: f32, side: u32, z_m: f32| {
+            let (sin, cos) = libm::sincosf(core::f32::consts::TAU * side as f32 / SIDES as f32);
+            Vec3::new(radius_m * cos, radius_m * sin, z_m)
+        };
+        // Rings of corners, each joined to the next by two triangles a side; the last to the first, or both by a fan.
+        let (mut corners, mut triangles) = (Vec::new(), Vec::new());
+        for (rings, is_closed) in [
+            (vec![(0.03, -0.04), (0.03, 0.04), (0.027, 0.04), (0.027, -0.04)], true),
+            (vec![(0.0, -0.04), (0.029, -0.04), (0.029, -0.036), (0.0, -0.036)], false),
+        ] {
+            let first = corners.len() as u32;
+            let count = rings.len() as u32;
+            corners.extend(rings.iter().flat_map(|(radius_m, z_m)| (0..SIDES).map(|side| at(*radius_m, side, *z_m))));
+            for ring in 0..count - u32::from(!is_closed) {
+                let corner = |ring: u32, side: u32| first + (ring % count) * SIDES + side % SIDES;
+                triangles.extend((0..SIDES).flat_map(|side| {
+                    let [a, b] = [corner(ring, side), corner(ring, side + 1)];
+                    let [c, d] = [corner(ring + 1, side), corner(ring + 1, side + 1)];
+                    [[a, b, d], [a, d, c]]
+                }));
+            }
+        }
+        let parts = convex_parts(&corners, &triangles, &PartsParams { parts_max: 1024, ..LAW }).unwrap();
+        for hull in &parts.hulls {
+            // Above the plate nothing is farther in than the wall and the tolerance.
+            let is_above = hull.corners_m().iter().all(|corner| corner.z > -0.0365);
+            let inmost_m = hull.corners_m().iter().map(|c| c.truncate().length()).fold(f32::INFINITY, f32::min);
+            assert!(!is_above || inmost_m > 0.025, "{inmost_m}: {:?}", hull.corners_m());
+        }
+        assert!(parts.filled_m < 2.0 * LAW.tolerance_m, "{}", parts.filled_m);
+    }
+
     #[test]
     fn one_part_is_the_hull() {
         let (corners, triangles) = ell();

@@ -19,7 +19,7 @@ const VOXEL: &str = "vgn-conv-40";
 const CLOSINGS: &str = "closings-conv-40";
 const JUDGE: &str = "hand-judge-1";
 
-const KEY: &str = "graspmill";
+pub(super) const KEY: &str = "graspmill";
 const MADE_BY: &str = concat!("graspmill trainer ", env!("CARGO_PKG_VERSION"));
 
 #[derive(Serialize, Deserialize)]

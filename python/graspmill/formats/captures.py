@@ -134,7 +134,7 @@ def _loaded(text: str) -> Any:
 
 def _ours(keys: dict[str, Any]) -> dict[str, Any]:
     def numbers(*names: str) -> list[float]:
-        value = next((keys[name] for name in names if name in keys), [])
+        value: Any = next((keys[name] for name in names if name in keys), [])
         return [*map(float, np.array(value.get("data") if isinstance(value, dict) else value, float).ravel())]
 
     matrix = numbers(*_MATRICES)

@@ -444,8 +444,13 @@ impl Cutter<'_> {
             let above = triangle.map(|corner| crossings.above(self.points_m[corner as usize]));
             if above.iter().all(|m| *m == 0.0) {
                 let [a, b, c] = triangle.map(|corner| self.points_m[corner as usize]);
-                let is_top_of_lower = (b - a).cross(c - a).dot(plane.normal) > 0.0;
-                sides[usize::from(!is_top_of_lower)].triangles.push(*triangle);
+                let area_m2 = (b - a).cross(c - a).dot(plane.normal);
+                // A sliver has no side: its sign is chance, and on the wrong side it would be a surface far away.
+                let longest_m = (b - a).length().max((c - a).length()).max((c - b).length());
+                if area_m2.abs() > self.on_plane_m * longest_m {
+                    let is_top_of_lower = area_m2 > 0.0;
+                    sides[usize::from(!is_top_of_lower)].triangles.push(*triangle);
+                }
                 continue;
             }
             let (polygons, on_plane) = crossings.outline(*triangle, above, &mut self.points_m);
@@ -463,7 +468,7 @@ impl Cutter<'_> {
 
     /// The outlines of older cuts, and the line along which the new cut meets each of them.
     fn divide_outlines(&mut self, piece: &Piece, number: u32, crossings: &mut Crossings, sides: &mut [Piece; 2]) {
-        let mut met: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        let mut met: [BTreeMap<u32, Vec<u32>>; 2] = Default::default();
         for (cut, [a, b]) in &piece.outlines {
             let [from_m, to_m] = [a, b].map(|end| crossings.above(self.points_m[*end as usize]));
             let (lower, upper) = if from_m < to_m { (*a, *b) } else { (*b, *a) };
@@ -477,20 +482,22 @@ impl Cutter<'_> {
             if from_m.max(to_m) > 0.0 {
                 sides[1].outlines.push((*cut, [at.unwrap_or(lower), upper]));
             }
-            // An end on the plane counts as above it: an outline that passes there crosses once, one that turns back
-            // twice or never.
-            if (from_m < 0.0) != (to_m < 0.0) {
-                met.entry(*cut).or_default().extend(at);
+            // For a half an end on the plane is on the other side: an outline that passes there crosses once, one that
+            // turns back twice or never, and one of the other half alone never.
+            let within = [[from_m < 0.0, to_m < 0.0], [from_m > 0.0, to_m > 0.0]];
+            for (met, [from, to]) in met.iter_mut().zip(within) {
+                if from != to {
+                    met.entry(*cut).or_default().extend(at);
+                }
             }
         }
-        for (cut, mut points) in met {
-            let line = self.planes[cut as usize].normal.cross(self.planes[number as usize].normal);
-            points
-                .sort_by(|a, b| line.dot(self.points_m[*a as usize]).total_cmp(&line.dot(self.points_m[*b as usize])));
-            for pair in points.chunks_exact(2) {
-                for half in &mut *sides {
-                    half.outlines.extend([cut, number].map(|of| (of, [pair[0], pair[1]])));
-                }
+        for (half, met) in sides.iter_mut().zip(met) {
+            for (cut, mut points) in met {
+                let line = self.planes[cut as usize].normal.cross(self.planes[number as usize].normal);
+                let along_m = |point: &u32| line.dot(self.points_m[*point as usize]);
+                points.sort_by(|a, b| along_m(a).total_cmp(&along_m(b)));
+                let pairs = points.chunks_exact(2).flat_map(|pair| [cut, number].map(|of| (of, [pair[0], pair[1]])));
+                half.outlines.extend(pairs);
             }
         }
     }
