@@ -106,7 +106,7 @@ class Plan(Immutable, Sequence[Grasp]):
     @property
     def _source(self) -> _native.Plan:
         if self._drawn is None:
-            raise InputError("the plan was pickled or read, and so has no page and no picture: make them in the process that made it")
+            raise InputError("the plan was pickled or read, and so has no page and no overlay: make them in the process that made it")
         return self._drawn
 
     def __getstate__(self) -> dict[str, Any]:

@@ -78,6 +78,8 @@ def test_a_viewpoint_is_told_and_other_files_are_left(tmp_path):
     assert read(path, pcd("ascii", "VIEWPOINT 0.1 0.2 0.7 0 1 0 0\n"))[1] == [0.1, 0.2, 0.7]
     assert read(path, pcd("ascii", "VIEWPOINT 0 0 0 1 0 0 0\n"))[1] == []
     assert read(path, b"\x93NUMPY") is None and read(path, b"") is None
+    with pytest.raises(graspmill.DataError, match="neither a PLY nor a PCD file"):
+        read(tmp_path / "junk.ply", b"junk")
 
 
 @pytest.mark.parametrize(

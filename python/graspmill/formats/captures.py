@@ -44,6 +44,8 @@ def cloud(path: str) -> tuple[bytes, list[float]] | None:
     data = Path(path).read_bytes()
     read = _ply if data.startswith((b"ply\n", b"ply\r")) else _pcd
     if read is _pcd and not data.startswith((b"# .PCD", b"VERSION", b"FIELDS")):
+        if path.lower().endswith((".ply", ".pcd")):
+            raise DataError(f"neither a PLY nor a PCD file: {path}")
         return None
     try:
         points, eye_m = read(data)
