@@ -84,17 +84,9 @@ fn crossed(coordinates: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
 }
 
 #[test]
-fn at_all_eight_corners() {
-    let corners: Vec<_> = crossed([0, 20, 39]).filter(|voxel| !voxel.contains(&20)).collect();
-    assert_eq!(corners.len(), 8);
-    check(&corners);
-}
-
-#[test]
-fn at_every_edge_and_face() {
-    let rest: Vec<_> = crossed([0, 17, 39]).filter(|voxel| voxel.contains(&17)).collect();
-    assert_eq!(rest.len(), 12 + 6 + 1);
-    check(&rest);
+fn at_every_corner_edge_and_face() {
+    let voxels: Vec<_> = crossed([0, 17, 39]).collect();
+    check(&voxels);
 }
 
 #[test]
@@ -105,7 +97,6 @@ fn inside_and_one_to_three_voxels_from_the_border() {
 
 /// The voxel alone, so that no other one can hide an error.
 #[test]
-fn a_corner_alone_and_an_odd_place_alone() {
-    check(&[[39, 0, 39]]);
-    check(&[[11, 38, 25]]);
+fn an_odd_place_alone() {
+    check(&[[39, 38, 25]]);
 }
