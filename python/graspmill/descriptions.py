@@ -1,6 +1,6 @@
 """Grippers from the descriptions of their makers: boxes around the collision geometry of a URDF or MJCF (needs MuJoCo).
 
-    python -m graspmill.descriptions hand.urdf --fingers left_finger,right_finger --picture hand.svg
+    python -m graspmill.descriptions hand.urdf --fingers left_finger,right_finger
     python -m graspmill.descriptions hand.urdf --fingers left,right --out hand.toml --force 40 --speed 0.05 --mass 0.06
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Sequence
 
@@ -20,7 +20,7 @@ from ._robots import Floats, Hand
 from .errors import GraspmillError, InputError
 from .grippers import LENGTHS, Gripper, lines
 
-__all__ = ["HandBoxes", "from_description", "picture"]
+__all__ = ["HandBoxes", "from_description"]
 
 #: The last part of a finger, of which the jaws' distance is measured.
 PAD_M = 0.015
@@ -43,7 +43,6 @@ class HandBoxes:
         flange_from_grasp: ``[4, 4]``, the grasp frame in the frame of the link ``flange``; ``None`` if it is not known.
         boxes_m3: Volume of the boxes.
         meshes_m3: Volume of the geometry, parts that overlap counted twice.
-        parts: Of each shape its corners in the grasp frame, ``[N, 3]``, and whether it belongs to a finger.
     """
 
     path: Path
@@ -58,7 +57,6 @@ class HandBoxes:
     flange_from_grasp: Floats | None
     boxes_m3: float
     meshes_m3: float
-    parts: list[tuple[Floats, bool]]
 
     def gripper(self, name: str, **others: Any) -> Gripper:
         """The gripper, with what a description does not tell: ``finger_mass_kg``, ``finger_force_n``, ``closing_speed_m_s`` and,
@@ -164,7 +162,6 @@ def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, fl
         flange_from_grasp=_flange(hand, turn, origin),
         boxes_m3=fingers_m3 + outwards["palm_length_m"] * outwards["palm_width_m"] * outwards["palm_breadth_m"],
         meshes_m3=sum(_volume(shape) for shape in local),
-        parts=[(shape.reshape(-1, 3), side is not None) for shape, side in zip(local, hand.sides)],
     )
 
 
@@ -199,62 +196,11 @@ def _flange(hand: Hand, turn: Floats, origin: Floats) -> Floats | None:
     return np.linalg.inv(world_from_flange) @ world_from_grasp
 
 
-def _outline(points: Floats) -> Floats:
-    """The convex outline of points in a plane, [N, 2] (Andrew's monotone chain)."""
-    rows = np.unique(np.round(points, 5), axis=0)
-    halves = []
-    for order in (rows, rows[::-1]):
-        half: list[Any] = []
-        for point in order:
-            while len(half) > 1 and _turn(half[-2], half[-1], point) <= 0:
-                half.pop()
-            half.append(point)
-        halves += half[:-1]
-    return np.array(halves)
-
-
-def _turn(a: Floats, b: Floats, c: Floats) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-
-def picture(boxes: HandBoxes) -> str:
-    """An SVG of the outlines of all shapes (fingers darker), and the boxes in red, seen along x and along y; in millimetres."""
-    half, length = boxes.opening_m_max / 2, boxes.finger_length_m
-    back = length + boxes.palm_length_m
-    views = []
-    for axis, width, palm, jaws in (
-        (1, boxes.finger_thickness_m, boxes.palm_breadth_m, (half, -half - boxes.finger_thickness_m)),
-        (0, boxes.finger_width_m, boxes.palm_width_m, (-boxes.finger_width_m / 2,)),
-    ):
-        shapes = []
-        for points, is_finger in sorted(boxes.parts, key=lambda part: part[1]):
-            if len(points) > 2:
-                corners = " ".join(f"{1e3 * u:.1f},{1e3 * v:.1f}" for u, v in _outline(points[:, [axis, 2]]))
-                shapes.append(f'<polygon points="{corners}" fill="{"#68a" if is_finger else "#bcd"}" fill-opacity="0.6"/>')
-        for box in [*((left, -length, width, length) for left in jaws), (-palm / 2, -back, palm, boxes.palm_length_m)]:
-            x, y, w, h = (f"{1e3 * value:.1f}" for value in box)
-            shapes.append(f'<rect x="{x}" y="{y}" width="{w}" height="{h}" fill="none" stroke="#c00" stroke-width="0.6"/>')
-        views.append((shapes, max(palm, boxes.opening_m_max + 2 * boxes.finger_thickness_m if axis else width)))
-    widths = [1e3 * width + 10 for _, width in views]
-    height = 1e3 * back + 22
-    text = _said(boxes).splitlines()[-1].strip()
-    groups = "".join(
-        f'<g transform="translate({sum(widths[:number]) + widths[number] / 2:.1f},{1e3 * back + 5:.1f})">{"".join(shapes)}</g>'
-        for number, (shapes, _) in enumerate(views)
-    )
-    size = f'viewBox="0 0 {sum(widths):.1f} {height:.1f}" width="{3 * sum(widths):.0f}" height="{3 * height:.0f}"'
-    label = f'<text x="3" y="{height - 4:.1f}" font-size="5" font-family="sans-serif">{text}</text>'
-    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}><rect width="100%" height="100%" fill="#fff"/>{groups}{label}</svg>\n'
-
-
 def _said(boxes: HandBoxes) -> str:
-    lines = [f"{field.name:<20}{1e3 * getattr(boxes, field.name):>8.1f} mm" for field in fields(boxes) if field.type == "float" and "_m3" not in field.name]
     flange = boxes.flange_from_grasp
-    at = "not known: give --flange" if flange is None else ", ".join(f"{1e3 * part:.1f}" for part in flange[:3, 3]) + " mm"
-    lines.append(f"flange_from_grasp   {at}")
-    share = boxes.boxes_m3 / boxes.meshes_m3 if boxes.meshes_m3 > 0 else np.inf
-    lines.append(f"boxes {1e6 * boxes.boxes_m3:.0f} cm3, shapes {1e6 * boxes.meshes_m3:.0f} cm3: {share:.1f} times as much")
-    return "\n".join(lines)
+    rows = [f"{key:<20}{1e3 * getattr(boxes, key):>8.1f} mm" for key in ("opening_m_min", *LENGTHS[:7])]
+    rows.append(f"flange_from_grasp   {'not known: give --flange' if flange is None else (1e3 * flange[:3, 3]).round(1).tolist()}")
+    return "\n".join([*rows, f"boxes {1e6 * boxes.boxes_m3:.0f} cm3, shapes {1e6 * boxes.meshes_m3:.0f} cm3"])
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -263,7 +209,6 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("path", help="the description: a URDF (.urdf) or an MJCF file")
     parser.add_argument("--fingers", required=True, metavar="LINK,LINK", help="the two links that touch the object")
     parser.add_argument("--flange", metavar="LINK", help="the link whose frame is the robot's flange")
-    parser.add_argument("--picture", metavar="SVG", help="draw the shapes and the boxes around them")
     parser.add_argument("--out", metavar="TOML", help="write a gripper file; needs --mass, --force and --speed")
     for name, what in (("mass", "kg that move with a finger"), ("force", "newtons of one finger"), ("speed", "metres per second of one finger")):
         parser.add_argument(f"--{name}", type=float, help=what)
@@ -271,8 +216,6 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         boxes = from_description(given.path, given.fingers.split(","), flange=given.flange)
         print(_said(boxes))
-        if given.picture:
-            _native.publish(given.picture, picture(boxes))
         if given.out:
             if None in (given.mass, given.force, given.speed):
                 raise InputError("--out needs --mass, --force and --speed, which no description tells")
