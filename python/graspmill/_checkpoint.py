@@ -28,12 +28,7 @@ _NO_PROGRESS = {
 
 
 def save_checkpoint(
-    net: nn.Module,
-    path: str | os.PathLike[str],
-    architecture: str,
-    own: Mapping[str, Any],
-    dataset_id: str = UNKNOWN,
-    config: str = RECIPE,
+    net: nn.Module, path: str | os.PathLike[str], architecture: str, own: Mapping[str, Any], dataset_id: str = UNKNOWN, config: str = RECIPE
 ) -> None:
     """Writes a network's weights, with what its header has of its ``own``."""
     from safetensors.torch import save

@@ -32,8 +32,6 @@ class Judge(nn.Module):
 
     Args:
         trained_for: What it is trained for: a :class:`graspmill.Dataset`, or the entry of that name of another judge.
-        robustness: Whether it has the output of the robustness; by default as ``trained_for`` says, which a dataset never
-            does, because :class:`GraspCropStream` has no such column.
 
     Attributes:
         trained_for: The gripper (of several the range of each number), the approach in metres, and the grid.
@@ -41,12 +39,10 @@ class Judge(nn.Module):
         config: The recipe of its training, as TOML.
     """
 
-    def __init__(self, trained_for: Dataset | Mapping[str, Any], *, robustness: bool | None = None) -> None:
+    def __init__(self, trained_for: Dataset | Mapping[str, Any]) -> None:
         super().__init__()
         is_dataset = isinstance(trained_for, Dataset)
         self.trained_for: dict[str, Any] = _scope(trained_for.info if isinstance(trained_for, Dataset) else trained_for, is_dataset)
-        if robustness is not None:
-            self.trained_for["robustness"] = _arrays.flag("robustness", robustness)
         self.dataset_id: str = trained_for.id if isinstance(trained_for, Dataset) else UNKNOWN
         self.config: str = RECIPE
 

@@ -60,12 +60,7 @@ class Camera:
 
     @classmethod
     def from_K(
-        cls,
-        K: ArrayLike,
-        shape: tuple[int, int],
-        workspace_from_camera: ArrayLike | None = None,
-        *,
-        convention: Convention = "opencv",
+        cls, K: ArrayLike, shape: tuple[int, int], workspace_from_camera: ArrayLike | None = None, *, convention: Convention = "opencv"
     ) -> Camera:
         """A camera from an intrinsic matrix, as OpenCV and ROS have it.
 
@@ -88,13 +83,7 @@ class Camera:
 
     @classmethod
     def look_at(
-        cls,
-        eye_m: ArrayLike,
-        target_m: ArrayLike = (0.15, 0.15, 0.05),
-        *,
-        width_px: int = 640,
-        height_px: int = 480,
-        focal_px: float = 540.0,
+        cls, eye_m: ArrayLike, target_m: ArrayLike = (0.15, 0.15, 0.05), *, width_px: int = 640, height_px: int = 480, focal_px: float = 540.0
     ) -> Camera:
         """An upright camera at one point that looks at another, by default with the shipped configs' intrinsics.
 

@@ -200,31 +200,12 @@ class Dataset:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self._path = _location(path)
-        self._open: _native.Dataset | None = _native.Dataset(self._path)
-
-    @property
-    def _native(self) -> _native.Dataset:
-        if self._open is None:
-            raise InputError(f"the dataset is closed: {self._path}")
-        return self._open
-
-    def close(self) -> None:
-        """Closes the dataset; every later use of it is an error. Scenes that were read from it stay usable."""
-        self._open = None
-
-    def __enter__(self) -> Dataset:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        self._native = _native.Dataset(_location(path))
 
     def __reduce__(self) -> tuple[type[Dataset], tuple[str]]:
         return type(self), (_location(self._native.location),)
 
     def __repr__(self) -> str:
-        if self._open is None:
-            return f"Dataset({self._path!r}: closed)"
         counts = f"{self.attempt_count:,} attempts, {self.positive_count:,} held, {self.scene_count:,} scenes"
         return f"Dataset({self._native.location!r}: {counts})"
 

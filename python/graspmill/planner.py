@@ -6,8 +6,7 @@ import json
 import math
 import os
 from functools import partial
-from inspect import Parameter, signature
-from typing import TYPE_CHECKING, Any, Callable, Literal, Sequence, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, Callable, Literal, Sequence, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -113,20 +112,6 @@ def _planned(begin: Callable[..., _native.Plan | _native.Planning], *observation
     return Plan._of(step)
 
 
-_Method = TypeVar("_Method", bound=Callable[..., Plan])
-
-
-def _with_options(method: _Method) -> _Method:
-    """Names the options in the signature, for ``help`` and for editors that look at run time."""
-    own = [one for one in signature(method).parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
-    options = [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=False if name == "explain" else None, annotation=kind.__forward_arg__)
-        for name, kind in PlanOptions.__annotations__.items()
-    ]
-    method.__signature__ = signature(method).replace(parameters=[*own, *options])  # type: ignore[attr-defined]
-    return method
-
-
 def _anywhere(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
     """A file of settings for a process with another current folder. A built-in name, which has no ending, stays one, whatever
     lies in this folder."""
@@ -187,7 +172,6 @@ class Planner(Immutable):
     def __repr__(self) -> str:
         return f"Planner(model {self.model_id[:12]}, gripper {self.gripper})"
 
-    @_with_options
     def plan(
         self,
         depths: Sequence[ArrayLike] | ArrayLike,
@@ -215,7 +199,6 @@ class Planner(Immutable):
         _arrays.must(masks is None or options.get("target_m") is None, "mask and target_m must not both be given")
         return _planned(self._native.plan_views, images, intrinsics, poses, masks, _request(options, finds_table))
 
-    @_with_options
     def plan_cloud(
         self,
         points_m: ArrayLike,
@@ -253,7 +236,6 @@ class Planner(Immutable):
             points, eyes, thing = ((part @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32) for part in parts)
         return _planned(self._native.plan_cloud, points, eyes, thing, _request(options, finds_table))
 
-    @_with_options
     def plan_tsdf(self, tsdf: ArrayLike, **options: Unpack[PlanOptions]) -> Plan:
         """Plans from a TSDF, with :class:`PlanOptions`: ``[40, 40, 40]`` (x, y, z) in VGN's values, 0 to 1: (tsdf + 1) / 2 where
         observed, else 0. A workspace of another size has as many voxels of 7.5 mm as fit its side."""

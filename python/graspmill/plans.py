@@ -41,8 +41,6 @@ class PlanFileOptions(TypedDict, total=False):
             moveit it goes with ``base_to_tips_m``.
         joints: Of moveit: names of the fingers' joints, and how far each moves, in metres, for a metre between the
             fingers; by default those of a Franka hand, and none of another.
-        approach_m: Of moveit: the length of the straight approach, by default 0.05.
-        retreat_m: Of moveit: the length of the straight retreat, by default 0.1.
     """
 
     frame: Frame | None
@@ -51,8 +49,6 @@ class PlanFileOptions(TypedDict, total=False):
     base_to_tips_m: float | None
     closing_axis: Literal["x", "y"] | None
     joints: Mapping[str, float] | None
-    approach_m: float
-    retreat_m: float
 
 @dataclass(frozen=True, eq=False)
 class Grasp:

@@ -31,6 +31,8 @@ EXTENT_M_MAX = 2.0
 OFF_M = 0.002
 #: Density of objects whose mass is not given, in kg/m³: the middle of the range of ``paper.toml``.
 DENSITY_KG_M3 = 500.0
+#: Truncation of a TSDF, in voxels, as in the shipped configs.
+TRUNCATION_VOXELS = 4.0
 _SETTINGS_HELP = "docs/reference/settings.md lists the keys"
 
 
@@ -288,9 +290,7 @@ class Scene(Immutable):
         return tsdf([self.render(camera) for camera in cameras], cameras, resolution=resolution, size_m=size_m)
 
 
-def tsdf(
-    depths: Sequence[ArrayLike], cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30, truncation_voxels: float = 4.0
-) -> NDArray[np.float32]:
+def tsdf(depths: Sequence[ArrayLike], cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30) -> NDArray[np.float32]:
     """Fuses depth images into a TSDF in VGN's values, ``[resolution] * 3`` (x, y, z), float32.
 
     Args:
@@ -298,13 +298,11 @@ def tsdf(
         cameras: The camera of each image.
         resolution: Voxels along a side, 2 to 256.
         size_m: Side of the workspace in metres.
-        truncation_voxels: Truncation in voxels.
     """
     images, cameras = _images(depths, cameras)
     lenses, poses = [camera._intrinsics() for camera in cameras], [camera._pose() for camera in cameras]
     side, size_m = _arrays.whole("resolution", resolution, 2, 256), _arrays.number("size_m", size_m, 0.01, 10.0)
-    truncation_voxels = _arrays.number("truncation_voxels", truncation_voxels, 0.5, 64.0)
-    return _native.fuse(images, lenses, poses, side, size_m, truncation_voxels).reshape(side, side, side)
+    return _native.fuse(images, lenses, poses, side, size_m, TRUNCATION_VOXELS).reshape(side, side, side)
 
 
 def _images(depths: Sequence[ArrayLike], cameras: Sequence[Camera]) -> tuple[list[NDArray[np.float32]], list[Camera]]:

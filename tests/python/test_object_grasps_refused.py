@@ -26,7 +26,6 @@ def test_damaged_graspgen_files_are_refused(tmp_path):
         (r"shape \[3\]", "grasps.object_in_gripper", [True]),
         ("true or false", "grasps.object_in_gripper", [0.5, 1, 2]),
         ("gripper.depth must be between", "gripper.depth", -1),
-        ("contacts_m must be 3 pairs", "grasps.contacts_m", [None]),
         ("base_to_tips_m or gripper must be given", "gripper.depth"),
         ("grasps must be a mapping", "grasps", []),
     ):

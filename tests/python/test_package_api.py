@@ -101,9 +101,7 @@ def test_a_script_with_every_option_passes_the_type_checker_and_a_wrong_one_does
     assert "policy" in "".join(problems["wrong_value.py"])
 
 
-def test_options_are_seen_at_run_time_too():
-    for method in (graspmill.Planner.plan, graspmill.Planner.plan_cloud, graspmill.Planner.plan_tsdf):
-        assert set(graspmill.PlanOptions.__annotations__) < set(inspect.signature(method).parameters), method
+def test_unknown_options_are_refused():
     with pytest.raises(TypeError, match="grasp_max"):
         graspmill.Planner().plan_cloud(np.zeros((1, 3)), grasp_max=3)
 

@@ -91,7 +91,7 @@ def test_several_hands_are_a_range_of_each_number():
 
 def test_robustness_is_one_output_more(tmp_path):
     trained_for = gt.Judge.load(MODELS / "judge.safetensors").trained_for
-    judge = gt.Judge(trained_for, robustness=True)
+    judge = gt.Judge({**trained_for, "robustness": True})
     batch = {"crop": torch.zeros(2, 4, 8, 20, 28), "context": torch.zeros(2, 3, 12, 8, 8), "features": torch.zeros(2, 16)}
     assert judge.at(batch).shape == (2, 7) and judge.outcomes(batch).shape == (2, 6)
     judge.save(tmp_path / "judge.safetensors")

@@ -235,7 +235,6 @@ def test_wrong_arguments_are_named(tmp_path):
     refused("path must end with .yaml or .npy", lambda: plan.save(tmp_path / "grasps.txt"))
     refused("format must be one of isaac_grasp, graspnet, moveit, got 'acronym'", lambda: plan.save(tmp_path / "a.h5", "acronym"))
     refused("path must be a file in a folder that exists", lambda: plan.save(tmp_path / "nowhere" / "a.yaml", "moveit"))
-    refused("approach_m must be between 0 and 10, got -1", lambda: plan.moveit_grasps(approach_m=-1))
     refused("joints must be names with metres", lambda: plan.moveit_grasps(joints=["left"]))
     with pytest.raises(TypeError, match="unexpected keyword argument 'frames'"):
         plan.moveit_grasps(frames="camera")

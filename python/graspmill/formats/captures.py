@@ -122,8 +122,7 @@ def lens(path: str) -> tuple[bytes, list[float]] | None:
 
 def _loaded(text: str) -> Any:
     if "PPX:" in text:  # of rs-enumerate-devices
-        if text.count("PPX:") > 1:
-            raise InputError(f"intrinsics must be of one RealSense profile, got {text.count('PPX:')}: keep one")
+        _arrays.must(text.count("PPX:") == 1, f"intrinsics must be of one RealSense profile, got {text.count('PPX:')}: keep one")
         return {key.lower(): value.split() for key, value in re.findall(r"^\s*(\w+):(.*)$", text, re.M)}
     if text.lstrip().startswith("{"):
         return json.loads(text)

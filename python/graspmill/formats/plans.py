@@ -28,8 +28,10 @@ LEAST_SHARE = 0.5
 RETREAT_CONE_RAD = np.pi / 3.0
 #: Joints of a Franka hand: each has half of the distance between the fingers.
 PANDA_JOINTS = {"panda_finger_joint1": 0.5, "panda_finger_joint2": 0.5}
-#: The options that are not given. The hand of an attempt comes and goes as far (``docs/label.md``).
-DEFAULTS: dict[str, Any] = dict.fromkeys(PlanFileOptions.__annotations__) | {"approach_m": 0.05, "retreat_m": 0.1}
+#: The hand of an attempt comes and goes as far (``docs/label.md``).
+APPROACH_M, RETREAT_M = 0.05, 0.1
+#: The options that are not given.
+DEFAULTS: dict[str, Any] = dict.fromkeys(PlanFileOptions.__annotations__)
 
 #: All options, by their names; their values are checked where they are used.
 Told = Mapping[str, Any]
@@ -100,7 +102,6 @@ def moveit_grasps(plan: Plan, options: PlanFileOptions) -> list[dict[str, Any]]:
     name, poses = _frame(plan, told)
     links = _links(plan, told, poses)
     joints, force_n = _joints(plan, told), None if told["gripper"] is None else loaded(told["gripper"]).finger_force_n
-    lengths_m = [_arrays.number(key, told[key], 0.0, 10.0) for key in ("approach_m", "retreat_m")]
     ups = [pose @ np.linalg.inv(one.workspace_from_grasp) for pose, one in zip(poses, plan.grasps)]
     rows = []
     for number, (grasp, pose, link, up) in enumerate(zip(plan.grasps, poses, links, ups)):
@@ -108,8 +109,8 @@ def moveit_grasps(plan: Plan, options: PlanFileOptions) -> list[dict[str, Any]]:
         row["grasp_posture"] = None if grasp.width_m is None else _posture(joints, grasp.width_m, force_n)
         row["grasp_pose"] = {"header": {"frame_id": name}, "pose": _pose(link)}
         row["grasp_quality"] = float(grasp.quality)
-        row["pre_grasp_approach"] = _way(name, pose[:3, 2], lengths_m[0])
-        row["post_grasp_retreat"] = _way(name, _retreat(pose[:3, 2], up[:3, 2]), lengths_m[1])
+        row["pre_grasp_approach"] = _way(name, pose[:3, 2], APPROACH_M)
+        row["post_grasp_retreat"] = _way(name, _retreat(pose[:3, 2], up[:3, 2]), RETREAT_M)
         rows.append({key: value for key, value in row.items() if value is not None})
     return rows
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from ... import _arrays
-from ...errors import InputError
-from ...object_grasps import GRASPS_MAX, Numbers, ObjectGrasps, labels
+from ...object_grasps import GRASPS_MAX, ObjectGrasps, labels
 from .._files import loaded_json
 from ._parts import Hand, about, from_base, hand_name, labelled, opening_m, to_base, word
 
@@ -26,7 +25,6 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
     bases = _arrays.rigid("grasps.transforms", _arrays.entry("grasps.transforms", grasps), GRASPS_MAX)
     held = _arrays.entry("grasps.object_in_gripper", grasps)
     known = {"name": gripper.get("name"), "opening_m_max": gripper.get("width")}
-    contacts = grasps.get("contacts_m")  # ours
     return {
         "file": word("object.file", _arrays.entry("object.file", thing)),
         "scale_m": _arrays.number("object.scale", _arrays.entry("object.scale", thing), 0.0, 1e9),
@@ -34,17 +32,7 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
         "held": labels("grasps.object_in_gripper", held, len(bases)),
         "base_to_tips_m": base_m,
         "info": about("graspgen", {**known, **hand.gripper}),
-        **({} if contacts is None else {"contacts_m": _contacts("grasps.contacts_m", contacts, len(bases))}),
     }
-
-
-def _contacts(name: str, value: object, count: int) -> Numbers:
-    """Points ``[N, 2, 3]``, NaN for null."""
-    pairs = value if isinstance(value, list) else []
-    if len(pairs) != count or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
-        raise InputError(f"{name} must be {count} pairs of points or null, got {_arrays.shown(value)}")
-    points = [[[np.nan] * 3 if point is None else point for point in pair] for pair in pairs]
-    return _arrays.numbers(name, points, (count, 2, 3), has_gaps=True) if count else np.empty((0, 2, 3))
 
 
 def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:

@@ -24,8 +24,7 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
     """The arguments of an ``ObjectGrasps``. Poses keep the frame of the file, which is a camera's for scenes."""
     with open(path, "rb") as file:
         rows = np.asarray(array("the array", file, (17,)), np.float64)
-    if not np.isfinite(rows).all():
-        raise InputError(f"the array must be finite, got {int((~np.isfinite(rows)).sum())} values that are not")
+    _arrays.must(np.isfinite(rows).all(), f"the array must be finite, got {int((~np.isfinite(rows)).sum())} values that are not")
     grasps, theirs = np.tile(np.eye(4), (len(rows), 1, 1)), rows[:, 4:13].reshape(-1, 3, 3)
     # Our x = their −z, our y = their y, our z = their x.
     grasps[:, :3, :3] = np.stack([-theirs[:, :, 2], theirs[:, :, 1], theirs[:, :, 0]], axis=2)

@@ -25,8 +25,7 @@ FORMATS = {"mjcf": mjcf, "urdf": urdf, "usda": usda}
 
 def export_scene(dataset: _native.Dataset, info: dict[str, Any], scene_id: int, form: str, folder: Path) -> dict[str, Any]:
     """Writes a scene's files into a folder, which is made if it does not exist; returns the scene's rows."""
-    if form not in FORMATS:
-        raise InputError(f"format must be one of {', '.join(FORMATS)}, got {json.dumps(form)}")
+    _arrays.must(form in FORMATS, f"format must be one of {', '.join(FORMATS)}, got {json.dumps(form)}")
     _arrays.must(not folder.is_file(), f"the scene must go to a folder, got a file: {folder}")
     world = World(dataset, info, scene_id)
     for name, text in {**FORMATS[form].files(world), "scene.json": as_json(world.plain) + "\n"}.items():
