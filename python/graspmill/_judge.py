@@ -82,9 +82,7 @@ class Judge(nn.Module):
     def load(cls, path: str | os.PathLike[str]) -> Judge:
         """The judge of a checkpoint: ``best.safetensors`` or ``last.safetensors`` of a run, or a file of :meth:`save`.
 
-        Raises:
-            InputError: If the file has the weights of another network.
-            DataError: If it is damaged.
+        Raises InputError if the file has the weights of another network; DataError if it is damaged.
         """
         from safetensors import safe_open
 
@@ -103,8 +101,7 @@ class Judge(nn.Module):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a checkpoint, which appears whole or not at all.
 
-        Raises:
-            DataError: If a weight is not finite: its training diverged.
+        Raises DataError if a weight is not finite: its training diverged.
         """
         save_checkpoint(self, path, _ARCHITECTURE, {"trained_for": self.trained_for}, self.dataset_id, self.config)
 

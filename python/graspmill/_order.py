@@ -91,8 +91,7 @@ class Order:
     def turns(self, epoch: int, workers: int) -> list[Turns]:
         """The steps of the ranks, or those of all together where they share batches.
 
-        Raises:
-            InputError: If a rank would have no sample at a step.
+        Raises InputError if a rank would have no sample at a step.
         """
         counts = [self._worker_counts(epoch, run, workers) for run in range(self.runs)]
         least = [-(-one // self.batch) for one in counts]

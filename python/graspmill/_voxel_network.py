@@ -111,9 +111,8 @@ class VoxelNetwork(nn.Module):
 
         Args:
             path: A checkpoint; or a state dict of VGN's network, as safetensors or of ``torch.save``, alone or under
-                ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so VGN's
-                are used: nearest upsampling, and the origin 50 mm behind the finger tips, in the lower corner of its
-                voxel.
+                ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so VGN's are used:
+                nearest upsampling, and the origin 50 mm behind the finger tips, in the lower corner of its voxel.
             upsampling: The upsampling, in place of the file's.
         """
         stated: dict[str, Any] = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
@@ -140,8 +139,7 @@ class VoxelNetwork(nn.Module):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a checkpoint.
 
-        Raises:
-            DataError: If a weight is not finite: its training diverged.
+        Raises DataError if a weight is not finite: its training diverged.
         """
         own = {name: getattr(self, name) for name in ("upsampling", "origin_behind_tips_m", "voxel_offset")}
         save_checkpoint(self, path, "closings-conv-40" if self.head == "closings" else "vgn-conv-40", own)

@@ -63,8 +63,7 @@ def grasp_crops(
         voxel_size_m: Side of a voxel; the shipped judges were trained with 7.5 mm.
         table_z_m: Height of the table's top.
 
-    Raises:
-        InputError: If an argument has another shape or is no pose.
+    Raises InputError if an argument has another shape or is no pose.
     """
     values = _arrays.floats("tsdf", tsdf, (None, None, None), " (x, y, z)")
     side, shape = len(values), list(values.shape)

@@ -59,10 +59,8 @@ def generate(
         threads: Number of threads, by default one per core; it never changes the bytes.
         progress: ``True`` for a progress bar (needs tqdm), or a function; an exception that it raises stops the work.
 
-    Raises:
-        InputError: If the config is wrong, or the folder holds another dataset.
-        OutsideError: If the disk or the store fails; the same call continues.
-        KeyboardInterrupt: After Ctrl-C. Complete shards are kept, and the same call continues.
+    Raises InputError if the config is wrong, or the folder holds another dataset; OutsideError if the disk or the store fails; the
+    same call continues; KeyboardInterrupt after Ctrl-C. Complete shards are kept, and the same call continues.
     """
     where, limits = _location(out), {"shards": shards, "attempts": attempts, "seed": seed}
     shards, attempts, seed = (None if value is None else _arrays.whole(name, value, 0, 2**63 - 1) for name, value in limits.items())
@@ -169,8 +167,7 @@ class StoredScene:
         """Writes the scene for a simulator into a folder, as ``graspmill dataset export`` does (``docs/exporting.md``): ``"mjcf"``
         for MuJoCo, ``"urdf"`` for PyBullet and others, ``"usda"`` for Isaac Sim and others. Files of the same names are replaced.
 
-        Raises:
-            InputError: If there is no such format, or no folder can be made there.
+        Raises InputError if there is no such format, or no folder can be made there.
         """
         from .formats.scenes import export_scene, outside
 
@@ -187,16 +184,13 @@ class StoredScene:
 
 
 class Dataset:
-    """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``). Rows are read on
-    request. A pickled dataset is opened again where it is unpickled.
+    """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``). Rows are read on request. A
+    pickled dataset is opened again where it is unpickled.
 
     Args:
         path: Its folder or URL.
 
-    Raises:
-        InputError: If there is no dataset.
-        IncompleteError: If shards are missing.
-        DataError: If it is visibly damaged.
+    Raises InputError if there is no dataset; IncompleteError if shards are missing; DataError if it is visibly damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:

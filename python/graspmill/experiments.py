@@ -116,15 +116,13 @@ def experiment(
         progress: ``True`` for a progress bar (needs tqdm), or a function of the rounds that are done, all rounds, and the grasps
             that held; an exception that it raises stops the work.
 
-    Raises:
-        InputError: If the config is wrong, or the folder holds another experiment.
-        DataError: If its journal was damaged.
-        OutsideError: If the disk fails, or the function raises it; the same call continues.
-        KeyboardInterrupt: After Ctrl-C, also within the function. Finished rounds are kept, and the same call continues.
+    Raises InputError if the config is wrong, or the folder holds another experiment; DataError if its journal was damaged;
+    OutsideError if the disk fails, or the function raises it; the same call continues; KeyboardInterrupt after Ctrl-C, also within
+    the function. Finished rounds are kept, and the same call continues.
 
     The function runs on the caller's thread, for one scene at a time. If it raises an ``Exception`` or returns anything else, the
-    **round** is over (``no_answer``, with the reason in ``journal.jsonl``), not the run. An :class:`OutsideError` ends
-    the run: what is outside may work again. No grasps are an answer.
+    **round** is over (``no_answer``, with the reason in ``journal.jsonl``), not the run. An :class:`OutsideError` ends the run:
+    what is outside may work again. No grasps are an answer.
     """
     _arrays.must(planner is not None or name is None, "name goes with planner: our own has a name")
     if planner is not None:

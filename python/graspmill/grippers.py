@@ -18,8 +18,8 @@ GripperLike = Union["Gripper", str, "os.PathLike[str]"]
 
 @dataclass(frozen=True, eq=False)
 class Gripper:
-    """A parallel-jaw gripper, as boxes: two fingers and a palm (``docs/own-gripper.md``). Lengths are along the axes of the
-    grasp frame: z is the approach, y the closing direction. The fingers reach from z = −``finger_length_m`` to z = 0.
+    """A parallel-jaw gripper, as boxes: two fingers and a palm (``docs/own-gripper.md``). Lengths are along the axes of the grasp
+    frame: z is the approach, y the closing direction. The fingers reach from z = −``finger_length_m`` to z = 0.
 
     Args:
         name: Name of the gripper.
@@ -35,12 +35,11 @@ class Gripper:
         closing_speed_m_s: Closing speed of a finger.
         friction: Friction coefficient of the fingers and the palm.
         clearance_m: The approaching gripper counts as colliding with anything nearer than this.
-        flange_from_grasp: The grasp frame in the frame of the robot's flange, ``[4, 4]``, ``[7]`` or ``[3]``; with it,
-            plans also have the poses of the flange.
+        flange_from_grasp: The grasp frame in the frame of the robot's flange, ``[4, 4]``, ``[7]`` or ``[3]``; with it, plans also
+            have the poses of the flange.
         finger_tip: Thickness and length of the part of the fingers at their tips that is thinner, if there is one.
 
-    Raises:
-        InputError: If a number is outside its limits; the message names it.
+    Raises InputError if a number is outside its limits; the message names it.
     """
 
     name: str

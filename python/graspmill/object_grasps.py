@@ -62,8 +62,7 @@ class ObjectGrasps:
         info: What else is known: the object, the hand, the test, the settings (``NAME.json``).
         opening_m: ``[N]``, metres between the fingers before closing, where each grasp has its own.
 
-    Raises:
-        InputError: If an array has a wrong shape, or a pose is not rigid; the message names it.
+    Raises InputError if an array has a wrong shape, or a pose is not rigid; the message names it.
     """
 
     name: str
@@ -119,8 +118,7 @@ class ObjectGrasps:
     def subset(self, which: ArrayLike) -> ObjectGrasps:
         """Some of the grasps, such as ``grasps.subset(grasps.held)``: ``which`` is ``[N]`` bool, or numbers of grasps.
 
-        Raises:
-            InputError: If it is neither, or a number is too large.
+        Raises InputError if it is neither, or a number is too large.
         """
         chosen = _arrays.given("which", which)
         chosen = chosen.astype(np.intp) if chosen.size == 0 and chosen.dtype.kind == "f" else chosen
@@ -140,8 +138,7 @@ class ObjectGrasps:
         """A set of ``graspmill objects annotate``: its ``NAME.parquet``, with ``NAME.json`` beside it. Needs pyarrow: ``pip install
         graspmill[grasps]``.
 
-        Raises:
-            InputError: If a file is missing, damaged, or of something else.
+        Raises InputError if a file is missing, damaged, or of something else.
         """
         from .formats import grasps
 
@@ -157,13 +154,12 @@ class ObjectGrasps:
 
         Args:
             path: The file.
-            format: ``"acronym"`` (needs h5py), ``"graspgen"``, ``"isaac_grasp"``, ``"molmospaces"`` or ``"graspnet"``;
-                by default that of the path's ending: .h5, .json, .yaml, .npz or .npy.
+            format: ``"acronym"`` (needs h5py), ``"graspgen"``, ``"isaac_grasp"``, ``"molmospaces"`` or ``"graspnet"``; by default
+                that of the path's ending: .h5, .json, .yaml, .npz or .npy.
             base_to_tips_m: From the hand's base to its tips, in place of the set's; for ACRONYM 0.1122 m.
 
-        Raises:
-            InputError: If the set has no labels and the format needs them, or the distance is not known.
-            OutsideError: If the disk fails.
+        Raises InputError if the set has no labels and the format needs them, or the distance is not known; OutsideError if the disk
+        fails.
         """
         from .formats import grasps
 

@@ -124,12 +124,11 @@ class Planner(Immutable):
     Args:
         config: ``"judge"``, ``"paper"`` or ``"vgn"``, which come with the package, or the path of a settings file.
         model: The file of a network, in place of the one in the settings.
-        gripper: A :class:`Gripper`, the name of a built-in one, such as ``"franka_hand"``, or the path of a file; by
-            default the one in the settings.
+        gripper: A :class:`Gripper`, the name of a built-in one, such as ``"franka_hand"``, or the path of a file; by default the
+            one in the settings.
         threads: Number of threads, by default one per core; it never changes the plan.
 
-    Raises:
-        InputError: If a file does not hold a network or settings, or the network was not trained for the gripper.
+    Raises InputError if a file does not hold a network or settings, or the network was not trained for the gripper.
     """
 
     def __init__(

@@ -117,8 +117,7 @@ class Plan(Immutable, Sequence[Grasp]):
     def from_json(cls, text: str | bytes) -> Plan:
         """The plan of a JSON with which the command or the service answered. It has no cloud, no page and no times.
 
-        Raises:
-            InputError: If the text is not the JSON of a plan.
+        Raises InputError if the text is not the JSON of a plan.
         """
         with _arrays.read_as("text must be the JSON of a plan", text):
             answer = json.loads(text)
@@ -217,17 +216,15 @@ class Plan(Immutable, Sequence[Grasp]):
         return Page(self._source.page(_arrays.text("title", title)))
 
     def save(self, path: str | os.PathLike[str], format: PlanFileFormat | None = None, **options: Unpack[PlanFileOptions]) -> Path:
-        """Writes the grasps to a file for robots, with :class:`PlanFileOptions`, and returns its path. An existing file stays
-        until it is replaced by the whole one.
+        """Writes the grasps to a file for robots, with :class:`PlanFileOptions`, and returns its path. An existing file stays until
+        it is replaced by the whole one.
 
         Args:
             path: The file.
-            format: ``"isaac_grasp"`` (by default for .yaml), ``"graspnet"`` (.npy), or ``"moveit"`` (needs PyYAML): the
-                messages of :meth:`moveit_grasps` in a list ``grasps``. ``docs/exporting.md`` has the frames.
+            format: ``"isaac_grasp"`` (by default for .yaml), ``"graspnet"`` (.npy), or ``"moveit"`` (needs PyYAML): the messages of
+                :meth:`moveit_grasps` in a list ``grasps``. ``docs/exporting.md`` has the frames.
 
-        Raises:
-            InputError: If the plan does not know the frame, or where the base of the hand is.
-            OutsideError: If the disk fails.
+        Raises InputError if the plan does not know the frame, or where the base of the hand is; OutsideError if the disk fails.
         """
         from .formats import plans
 
@@ -237,8 +234,7 @@ class Plan(Immutable, Sequence[Grasp]):
         """The grasps with the fields of ``moveit_msgs/Grasp``, best first, with :class:`PlanFileOptions`. What is not known is left
         out: the posture of a hand whose joints are not known, and that of closed fingers where the width was not seen.
 
-        Raises:
-            InputError: If the plan does not know the frame, or where the robot's last link is.
+        Raises InputError if the plan does not know the frame, or where the robot's last link is.
         """
         from .formats import plans
 

@@ -260,12 +260,11 @@ class Scene(Immutable):
         stay interpenetrating.
 
         Args:
-            drop: Whether the objects fall one after the other into a box around the workspace, as in generated piles.
-                Otherwise all are released at their poses.
+            drop: Whether the objects fall one after the other into a box around the workspace, as in generated piles. Otherwise all
+                are released at their poses.
             settings: Keys of a generator's config, such as ``{"settle.time_s_max": 8.0}``.
 
-        Raises:
-            DataError: If they do not come to rest, or are thrown apart.
+        Raises DataError if they do not come to rest, or are thrown apart.
         """
         return self._with(self._native.settle(self._simulation_with(None, settings), _arrays.flag("drop", drop)))
 
@@ -367,21 +366,20 @@ def execute(
 ) -> Outcomes:  # fmt: skip
     """Executes grasps in physics, each in a fresh copy of the scene: the label oracle. Gives the outcomes in the grasps' order.
 
-    The open gripper appears 50 mm behind the grasp, approaches in a straight line, closes, retreats and holds;
-    ``docs/label.md`` is the contract. The same arguments give the same bits on any number of threads.
+    The open gripper appears 50 mm behind the grasp, approaches in a straight line, closes, retreats and holds; ``docs/label.md`` is
+    the contract. The same arguments give the same bits on any number of threads.
 
     Args:
         scene: Objects at rest.
         grasps: ``workspace_from_grasp``, matrices ``[N, 4, 4]`` or positions and quaternions ``[N, 7]``.
-        gripper: A :class:`Gripper`, the name of a built-in one, such as ``"franka_hand"``, or the path of a file. By
-            default that of a stored scene, else ``parallel_jaw_80``.
+        gripper: A :class:`Gripper`, the name of a built-in one, such as ``"franka_hand"``, or the path of a file. By default that
+            of a stored scene, else ``parallel_jaw_80``.
         targets: ``[N]``, the object that each grasp is for; by default the one nearest to the finger tips.
-        settings: Keys of a generator's config, such as ``{"procedure.hold_time_s": 1.0}``; the other keys are those of
-            a stored scene, else the paper's.
+        settings: Keys of a generator's config, such as ``{"procedure.hold_time_s": 1.0}``; the other keys are those of a stored
+            scene, else the paper's.
         threads: Number of threads, by default one per core; 1 is the caller's own thread.
 
-    Raises:
-        InputError: If an argument is wrong; the message names it.
+    Raises InputError if an argument is wrong; the message names it.
     """
     _arrays.must(isinstance(scene, Scene), "scene must be a graspmill.Scene", scene)
     rows = _arrays.poses("grasps", grasps)

@@ -173,25 +173,23 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     Each worker reads blocks of 64 scenes in an order that depends on the seed, the epoch and the number of workers alone, and
     shuffles scenes in a buffer. Further arguments are those of :class:`GraspDataset`; the seed is also the order's.
 
-    **Several ranks.** Where ``torch.distributed`` is initialised, or with ``rank`` and ``world_size``, an epoch has every
-    sample once over all ranks, and every rank has the same number of steps: batches differ by a sample or so, and their
-    ``share`` says how much a rank's mean loss counts. Each rank reads its own shards or scenes, and all must have the same
-    number of workers. With ``global_batch`` the batches are the same for every number of ranks and workers.
+    **Several ranks.** Where ``torch.distributed`` is initialised, or with ``rank`` and ``world_size``, an epoch has every sample
+    once over all ranks, and every rank has the same number of steps: batches differ by a sample or so, and their ``share`` says how
+    much a rank's mean loss counts. Each rank reads its own shards or scenes, and all must have the same number of workers. With
+    ``global_batch`` the batches are the same for every number of ranks and workers.
 
     Args:
         path: A dataset, or its folder or URL (for workers and a URL: ``multiprocessing_context="spawn"``).
         batch: Number of samples in a batch; of several ranks, in that of a rank.
-        samples_per_scene: The largest number of samples of a scene that stay together and share its grid; by default 8,
-            or ``batch`` if that is smaller.
+        samples_per_scene: The largest number of samples of a scene that stay together and share its grid; by default 8, or
+            ``batch`` if that is smaller.
         buffer_scenes: Number of such groups that are shuffled with each other.
         shuffle: Whether the order is shuffled; otherwise it is the stored one.
         rank: The number of this rank, from 0; by default that of ``torch.distributed``, if it is initialised.
         world_size: The number of ranks, likewise.
-        global_batch: Whether ``batch`` is that of all ranks together, who take a slice each. Ranks then read scenes of
-            all shards.
+        global_batch: Whether ``batch`` is that of all ranks together, who take a slice each. Ranks then read scenes of all shards.
 
-    Raises:
-        InputError: If an argument is wrong; while it is read, if a rank would have no sample at a step.
+    Raises InputError if an argument is wrong; while it is read, if a rank would have no sample at a step.
     """
 
     _has_crops: bool
@@ -254,8 +252,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
 
         Between epochs, and with ``global_batch``, the numbers of ranks and workers may be others than before.
 
-        Raises:
-            InputError: If the state is of another stream: it names the difference.
+        Raises InputError if the state is of another stream: it names the difference.
         """
         own = {**self._identity(), "epoch": 0, "step": 0, "workers": 0}
         if not isinstance(state, Mapping) or set(state) != set(own):

@@ -45,13 +45,12 @@ def selected(text: str) -> list[range]:
 def export(
     dataset: Dataset, form: str, out: str, chosen: list[range] | None = None, done: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Writes a dataset in one of :data:`FORMATS` to an empty or new folder, or continues an interrupted equal export; a
-    complete one is not changed. Returns the content of ``export.json``. Of formats for simulators some scenes may be
-    chosen; ``done`` is called with numbers of scenes that are done.
+    """Writes a dataset in one of :data:`FORMATS` to an empty or new folder, or continues an interrupted equal export; a complete
+    one is not changed. Returns the content of ``export.json``. Of formats for simulators some scenes may be chosen; ``done`` is
+    called with numbers of scenes that are done.
 
-    Raises:
-        InputError: If the dataset does not fit the format, or the folder holds something else.
-        OutsideError: If another process writes there.
+    Raises InputError if the dataset does not fit the format, or the folder holds something else; OutsideError if another process
+    writes there.
     """
     folder, info, is_of_scenes = Path(out), dataset.info, form in scenes.FORMATS
     last = max((some[-1] for some in chosen or ()), default=-1)

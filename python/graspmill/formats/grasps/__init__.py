@@ -35,17 +35,16 @@ def read(
 
     Args:
         path: The file.
-        format: ``"acronym"`` (needs h5py), ``"graspgen"``, ``"isaac_grasp"`` (needs PyYAML), ``"molmospaces"``, ``"graspnet"``,
-            or ``"parquet"`` for :meth:`ObjectGrasps.load`; by default that of the path's ending: .h5, .json, .yaml, .npz, .npy or
+        format: ``"acronym"`` (needs h5py), ``"graspgen"``, ``"isaac_grasp"`` (needs PyYAML), ``"molmospaces"``, ``"graspnet"``, or
+            ``"parquet"`` for :meth:`ObjectGrasps.load`; by default that of the path's ending: .h5, .json, .yaml, .npz, .npy or
             .parquet.
         base_to_tips_m: From the origin of the file's frame to the tips of the hand, along the approach. By default 0.1122 m for
             ACRONYM and ``gripper.depth`` of the file for GraspGen. isaac_grasp has none: give it, or ``gripper``.
         gripper: The hand: its distance is z of ``flange_from_grasp``, or else the length of finger and palm.
-        closing_axis: The axis of the file's frame along which the hand closes: by default ``"x"`` for ACRONYM and GraspGen,
-            ``"y"`` for isaac_grasp.
+        closing_axis: The axis of the file's frame along which the hand closes: by default ``"x"`` for ACRONYM and GraspGen, ``"y"``
+            for isaac_grasp.
 
-    Raises:
-        InputError: If the file is damaged or of something else, or the distance is not known.
+    Raises InputError if the file is damaged or of something else, or the distance is not known.
     """
     file = _arrays.path("path", path)
     chosen, hand = _format(file, format, FORMATS), _hand(base_to_tips_m, gripper, closing_axis)

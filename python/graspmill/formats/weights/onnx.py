@@ -119,9 +119,7 @@ class _Graph:
 def write(checkpoint: str, out: str, force: bool = False) -> None:
     """Writes a checkpoint's network, with ``force`` also in place of a file. Equal checkpoints give equal bytes.
 
-    Raises:
-        InputError: If there is no checkpoint, or a file already.
-        DataError: If the checkpoint is damaged.
+    Raises InputError if there is no checkpoint, or a file already; DataError if the checkpoint is damaged.
     """
     onnx = module("onnx", "the format onnx", "onnx")
     _native.check_checkpoint(checkpoint)
