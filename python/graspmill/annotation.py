@@ -41,11 +41,8 @@ def annotate(
         threads: Number of threads, by default one per core.
         progress: Is told how many grasps there are; an exception that it raises stops the work.
 
-    Warns:
-        UserWarning: Of what was guessed of a file (unit, mass) and what is unusual about it, as ``info["object"]["warnings"]`` has it.
-
-    Raises:
-        InputError: If an argument is wrong, or the file cannot be used.
+    Warns of what was guessed of a file (unit, mass) and what is unusual about it, as ``info["object"]["warnings"]`` has it. Raises
+    InputError if an argument is wrong, or the file cannot be used.
     """
     from .formats import objects
     from .formats.grasps import parquet

@@ -25,12 +25,9 @@ class Camera:
     """A pinhole depth camera in the workspace.
 
     Args:
-        width_px: Pixels in a row.
-        height_px: Number of rows.
-        fx_px: Focal length along u, in pixels.
-        fy_px: Focal length along v.
-        cx_px: Principal point, u; pixel centres are whole numbers.
-        cy_px: Principal point, v.
+        width_px: Pixels in a row; ``height_px`` is the number of rows.
+        fx_px: Focal length along u, in pixels; ``fy_px`` is along v.
+        cx_px: Principal point, u, and ``cy_px``, v; pixel centres are whole numbers.
         workspace_from_camera: Its pose: ``[4, 4]``, position and quaternion ``[7]``, or a position ``[3]``; ``None`` if it is not
             known: :meth:`Planner.plan` then finds the table.
         convention: The axes of that pose: ``"opencv"`` (x right, y down, z forward) or ``"opengl"`` (x right, y up, z back).
@@ -67,8 +64,7 @@ class Camera:
         Args:
             K: ``[3, 3]``, ``[9]`` row by row, or ``[3, 4]`` with a last column of 0; fx, fy, cx, cy in pixels, and no skew.
             shape: Height and width of the images: ``depth.shape``.
-            workspace_from_camera: See :class:`Camera`.
-            convention: See :class:`Camera`.
+            workspace_from_camera: Its pose, of axes by ``convention``, as of :class:`Camera`.
         """
         given = _arrays.given("K", K)
         given = given.reshape(3, 3) if given.shape == (9,) else given
@@ -90,8 +86,6 @@ class Camera:
         Args:
             eye_m: Its position, ``[3]`` in the workspace, in metres.
             target_m: The point that it looks at, ``[3]``; by default the middle of the table.
-            width_px: See :class:`Camera`.
-            height_px: See :class:`Camera`.
             focal_px: Focal length, in pixels.
         """
         eye, target = (_arrays.floats(name, value, (3,)).astype(np.float64) for name, value in (("eye_m", eye_m), ("target_m", target_m)))

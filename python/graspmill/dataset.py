@@ -42,7 +42,7 @@ def generate(
     out: str | os.PathLike[str], config: str | os.PathLike[str] | None = "paper", *, gripper: GripperLike | None = None,
     shards: int | None = None, attempts: int | None = None, seed: int | None = None,
     policy: str | os.PathLike[str] | None = None, settings: Mapping[str, Any] | None = None, rejected_max: float = 0.1,
-    threads: int | None = None, progress: Progress | bool = False,
+    threads: int | None = None, progress: Progress | None = None,
 ) -> Dataset:  # fmt: skip
     """Generates a dataset, or continues it. It has the same bytes as that of ``graspmill generate``.
 
@@ -50,17 +50,15 @@ def generate(
         out: The folder or URL of the dataset.
         config: ``"paper"``, which comes with the package, or the path of a config.
         gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file, in place of the config's.
-        shards: Number of shards, in place of the config's.
-        attempts: Number of attempts, in place of the config's.
-        seed: Seed, in place of the config's.
+        shards: Number of shards, like ``attempts`` and ``seed`` in place of the config's.
         policy: Weights of a judge, whose best grasps are executed, too.
         settings: Other keys of the config, such as ``{"objects.size_m": [0.02, 0.1]}``.
         rejected_max: The share of scenes that may be discarded because objects do not come to rest.
         threads: Number of threads, by default one per core; it never changes the bytes.
-        progress: ``True`` for a progress bar (needs tqdm), or a function; an exception that it raises stops the work.
+        progress: A function of the attempts that are done, of all, and of the positive ones; an exception that it raises stops the work.
 
-    Raises InputError if the config is wrong, or the folder holds another dataset; OutsideError if the disk or the store fails; the
-    same call continues; KeyboardInterrupt after Ctrl-C. Complete shards are kept, and the same call continues.
+    Raises InputError if the config is wrong, or the folder holds another dataset; OutsideError if the disk or the store fails, and
+    KeyboardInterrupt after Ctrl-C: complete shards are kept, and the same call continues.
     """
     where, limits = _location(out), {"shards": shards, "attempts": attempts, "seed": seed}
     shards, attempts, seed = (None if value is None else _arrays.whole(name, value, 0, 2**63 - 1) for name, value in limits.items())
@@ -68,39 +66,17 @@ def generate(
     files = (("config", None if config == "paper" else config), ("policy", policy))
     paths = [None if path is None else os.path.abspath(_arrays.path(name, path)) for name, path in files]
     pairs = _pairs(gripper, settings)
-
-    def run(tell: Progress | None) -> None:
-        work, has_ended = _native.Generation(where, paths[0], shards, attempts, seed, paths[1], pairs, share, count), False
-        try:
-            while not has_ended:
-                has_ended = work.has_ended()
-                if tell is not None:
-                    tell(*work.counts)
-        except BaseException:
-            work.stop()
-            raise
-
-    told(run, progress, " attempts")
-    return Dataset(where)
-
-
-def told(run: Callable[[Progress | None], None], progress: Progress | bool | None, unit: str) -> None:
-    """Does work that tells how far it is: to a bar, to a function, or to nobody."""
-    if progress is None or progress is False or callable(progress):
-        run(progress or None)
-        return
-    _arrays.must(progress is True, "progress must be True, False or a function", progress)
+    _arrays.must(progress is None or callable(progress), "progress must be a function", progress)
+    work, has_ended = _native.Generation(where, paths[0], shards, attempts, seed, paths[1], pairs, share, count), False
     try:
-        from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
-    except ImportError as error:
-        raise InputError("progress=True needs tqdm: pip install tqdm, or give a function") from error
-    with tqdm(unit=unit, total=None) as bar:
-
-        def show(done: int, total: int, held: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        run(show)
+        while not has_ended:
+            has_ended = work.has_ended()
+            if progress is not None:
+                progress(*work.counts)
+    except BaseException:
+        work.stop()
+        raise
+    return Dataset(where)
 
 
 class Table:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _native
 from .cameras import Camera
-from .dataset import Progress, told
+from .dataset import Progress
 from .errors import OutsideError
 from .grippers import Gripper
 from .pages import Page
@@ -95,34 +95,30 @@ def experiment(
     out: str | os.PathLike[str], config: str | os.PathLike[str] = "pile", *,
     planner: Callable[[Look], Planned] | None = None, name: str | None = None, rounds: int | None = None,
     seed: int | None = None, settings: Mapping[str, Any] | None = None, threads: int | None = None,
-    progress: Progress | bool = False,
+    progress: Progress | None = None,
 ) -> ExperimentResults:  # fmt: skip
     """Clears tables in simulation and counts, or continues that: ``graspmill experiment run``, with its files.
 
     Args:
         out: The folder of the experiment; created if missing.
-        config: ``"pile"``, which comes with the package, or the path of an experiment's file (``configs/experiment``).
+        config: ``"pile"`` or the path of an experiment's file (``configs/experiment``).
         planner: A function that is shown a :class:`Look` and returns grasps: a :class:`Plan`, or a tuple of poses ``[N, 4, 4]`` or
             ``[N, 7]`` and scores ``[N]``, in the frame of the look: the origin midway between the finger tips, +z the approach, +y
             the closing direction; and, if it knows them, widths ``[N]`` of what is held, in metres. The grasp with the highest
             score is executed; of a plan the first. By default our planner.
         name: What tells the function's results from those of another: a folder continues with the same name only. By default the
             function's own.
-        rounds: Rounds of a seed, in place of the config's.
-        seed: The only seed of the scenes, in place of the config's.
-        settings: Other keys of the experiment, such as ``{"noise.kind": "d435"}``, and of the planner's, ``{"plan.gripper":
-            "franka_hand"}``.
+        rounds: Rounds of a seed, and ``seed`` the only seed of the scenes, in place of the config's.
+        settings: Other keys of the experiment, ``{"noise.kind": "d435"}``, and of the planner, ``{"plan.gripper": "franka_hand"}``.
         threads: Rounds at once, by default one per core; it changes times, not results.
-        progress: ``True`` for a progress bar (needs tqdm), or a function of the rounds that are done, all rounds, and the grasps
-            that held; an exception that it raises stops the work.
+        progress: A function of the rounds that are done, of all, and of the grasps that held; an exception that it raises stops the work.
 
     Raises InputError if the config is wrong, or the folder holds another experiment; DataError if its journal was damaged;
-    OutsideError if the disk fails, or the function raises it; the same call continues; KeyboardInterrupt after Ctrl-C, also within
-    the function. Finished rounds are kept, and the same call continues.
+    OutsideError if the disk fails, or the function raises it, and KeyboardInterrupt after Ctrl-C: finished rounds are kept, and the
+    same call continues.
 
     The function runs on the caller's thread, for one scene at a time. If it raises an ``Exception`` or returns anything else, the
-    **round** is over (``no_answer``, with the reason in ``journal.jsonl``), not the run. An :class:`OutsideError` ends the run:
-    what is outside may work again. No grasps are an answer.
+    **round** is over (``no_answer``, with the reason in ``journal.jsonl``), not the run. No grasps are an answer.
     """
     _arrays.must(planner is not None or name is None, "name goes with planner: our own has a name")
     if planner is not None:
@@ -135,11 +131,8 @@ def experiment(
     pairs = setting_pairs(settings) + setting_pairs(more)
     count = (os.cpu_count() or 1) if threads is None else _arrays.whole("threads", threads, 1, 1024)
     command = f"graspmill.experiment({str(out)!r}, {str(config)!r}{f', planner={name}' if name else ''})"
-
-    def run(tell: Progress | None) -> None:
-        play(_native.Experiment(folder, file, pairs, name and f"function-{name}", command, count), planner, tell)
-
-    told(run, progress, " rounds")
+    _arrays.must(progress is None or callable(progress), "progress must be a function", progress)
+    play(_native.Experiment(folder, file, pairs, name and f"function-{name}", command, count), planner, progress)
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     return ExperimentResults(folder, report["results"])
 

@@ -47,10 +47,10 @@ class ObjectGrasps:
         width_m: ``[N]`` metres between the fingers after closing.
         contacts_m: ``[N, 2, 3]``, where the left (−y) and the right finger press, in the object's frame.
         normals: ``[N, 2, 3]``, the object's outward normals there.
-        closing_moved_m: ``[N]``, how far the centre of mass moved while the hand closed; ACRONYM's may be the frame's origin.
-        closing_turned_rad: ``[N]``, how far the object turned then.
-        test_moved_m: ``[N]``, how far it was moved in the hand at the end of the test; of several loads the largest.
-        test_turned_rad: ``[N]``, how far it was turned then.
+        closing_moved_m: ``[N]``, how far the centre of mass moved (ACRONYM's may be the frame's origin) while the hand closed, and
+            ``closing_turned_rad``, how far the object turned.
+        test_moved_m: ``[N]``, how far it was moved in the hand at the end of the test, and ``test_turned_rad``, how far it was
+            turned; of several loads the largest.
         friction_min: ``[N]``, the smallest friction coefficient at which the hand bears its weight in six directions.
         tug_max_g: ``[N]``, the strongest pull that it bears in six directions, in g.
         robust_share: ``[N]``, the share of its repeats, with errors of the pose, that held.

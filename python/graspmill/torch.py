@@ -148,8 +148,7 @@ class GraspDataset(_Items):
         path: A dataset, or its folder or URL.
         split: ``"train"``, ``"test"`` (the test set that ``by`` selects), ``"test-attempts"``, ``"test-scenes"`` or ``"all"``.
         by: Whether the test set is of single attempts, as in the paper, or of whole scenes.
-        test_share: Share of all samples in that test set.
-        other_share: Share of all samples in the other test set.
+        test_share: Share of all samples in that test set, and ``other_share`` in the other one.
         seed: Seed of the split; 1 in the trainer's recipes.
         origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach; it decides which
             voxel a grasp belongs to (``network.origin_behind_tips_m`` of a recipe). By default 0.05, as in the shipped recipes.
@@ -185,8 +184,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
             ``batch`` if that is smaller.
         buffer_scenes: Number of such groups that are shuffled with each other.
         shuffle: Whether the order is shuffled; otherwise it is the stored one.
-        rank: The number of this rank, from 0; by default that of ``torch.distributed``, if it is initialised.
-        world_size: The number of ranks, likewise.
+        rank: The number of this rank, from 0, of ``world_size``; by default as ``torch.distributed`` has them, if initialised.
         global_batch: Whether ``batch`` is that of all ranks together, who take a slice each. Ranks then read scenes of all shards.
 
     Raises InputError if an argument is wrong; while it is read, if a rank would have no sample at a step.

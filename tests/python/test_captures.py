@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from grasp_sets import graspmill, refused
-from graspmill.formats.captures import _unpacked, cloud, lens  # noqa: E402
+from graspmill.formats.captures import cloud, lens  # noqa: E402
 from programs import packaged  # noqa: E402
 
 POINTS = np.array([[1, 2, 3], [-1, 0.5, 0.25], [np.nan, 8, 9]])
@@ -23,11 +23,7 @@ def pcd(form, viewpoint=""):
     if form == "ascii":
         return head + b"1 2 1 0 0 0 3\r\n1 0.5 -1 0 0 0 .25\n1 8 nan 0 0 0 9e0"
     x, y, z = (POINTS[:, axis].astype(kind) for axis, kind in enumerate(("<f4", "<f4", "<f8")))
-    if form == "binary":
-        return head + b"".join(b"rgb0" + y[n].tobytes() + x[n].tobytes() + b"___" + z[n].tobytes() for n in range(3))
-    fields = b"rgb0" * 3 + y.tobytes() + x.tobytes() + b"_" * 9 + z.tobytes()
-    packed = b"".join(bytes([len(fields[at : at + 32]) - 1]) + fields[at : at + 32] for at in range(0, len(fields), 32))
-    return head + np.array([len(packed), len(fields)], "<u4").tobytes() + packed
+    return head + b"".join(b"rgb0" + y[n].tobytes() + x[n].tobytes() + b"___" + z[n].tobytes() for n in range(3))
 
 
 def ply(form):
@@ -40,7 +36,7 @@ def ply(form):
     return head + rows.tobytes() + b"\x03" + bytes(12)
 
 
-FILES = {f"a-{form}.pcd": pcd(form) for form in ("ascii", "binary", "binary_compressed")}
+FILES = {f"a-{form}.pcd": pcd(form) for form in ("ascii", "binary")}
 FILES |= {f"a-{form}.ply": ply(form) for form in ("ascii", "binary_little_endian", "binary_big_endian")}
 
 
@@ -66,11 +62,6 @@ def test_a_cloud_has_its_points_and_a_damaged_one_is_named(tmp_path, name):
     if "ascii" not in name:
         with pytest.raises(graspmill.DataError, match="buffer is smaller"):
             read(path, FILES[name][:-15])
-
-
-def test_references_of_lzf_are_followed():
-    assert _unpacked(b"\x02abc\x20\x02", 6) == b"abcabc" and _unpacked(b"\x00a\xe0\x05\x00", 15) == b"a" * 15
-    assert _unpacked(b"\x01ab\x60\x01", 7) == b"abababa"
 
 
 def test_a_viewpoint_is_told_and_other_files_are_left(tmp_path):

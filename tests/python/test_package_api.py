@@ -40,7 +40,7 @@ best: float = plan[0].quality
 some: list[graspmill.Grasp] = again[:2]
 dataset = graspmill.generate("grasps", gripper="wsg_50", shards=1)
 cleared: graspmill.ExperimentResults = graspmill.experiment("runs/mine", planner=lambda look: planner.plan(look.depths, look.cameras))
-cleared = graspmill.experiment("runs/none", planner=lambda look: (look.failed, [0.5]), name="none", progress=True)
+cleared = graspmill.experiment("runs/none", planner=lambda look: (look.failed, [0.5]), name="none", progress=print)
 """
 
 

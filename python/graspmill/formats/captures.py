@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _native
+from .. import _arrays, _native
 from ..cameras import Camera
 from ..errors import DataError, InputError
 from ._files import module
 
-_ORDERS = {"ascii": "", "binary": "<", "binary_little_endian": "<", "binary_big_endian": ">", "binary_compressed": "packed"}
+_ORDERS = {"ascii": "", "binary": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 _PLY = dict(zip("char uchar short ushort int uint float double".split(), "i1 u1 i2 u2 i4 u4 f4 f8".split()))
 _MATRICES = ("k", "K", "camera_matrix", "intrinsic_matrix", "cam_K")
 
@@ -78,31 +78,15 @@ def _pcd(data: bytes) -> tuple[NDArray[np.float64], list[float]]:
 
 
 def _points(body: bytes, count: int, fields: list[tuple[str, str, int]], order: str) -> NDArray[np.float64]:
-    """The x, y, z of so many points. Each field (name, type, how many) is in each row, or packed before the next."""
+    """The x, y, z of so many points, of rows with these fields (name, type, how many)."""
     floats = {name: at for at, (name, kind, times) in enumerate(fields) if kind in ("f4", "f8") and times == 1}
     if not {*"xyz"} <= floats.keys():
         raise ValueError("its points must have x, y and z, floats of 4 or 8 bytes")
     if not order and count:
         columns = [sum(times for *_, times in fields[: floats[axis]]) for axis in "xyz"]
         return np.loadtxt(islice(io.BytesIO(body), count), usecols=columns, comments=None).reshape(count, 3)
-    sign, each = ("<", (count,)) if (is_packed := order == "packed") else (order, ())
-    row = np.dtype([(str(at), sign + kind, (*each, times)) for at, (_, kind, times) in enumerate(fields)])
-    rows = np.frombuffer(_unpacked(body[8:], row.itemsize) if is_packed else body, row, 1 if is_packed else count)
+    rows = np.frombuffer(body, [(str(at), order + kind, (times,)) for at, (_, kind, times) in enumerate(fields)], count)
     return np.stack([rows[str(floats[axis])].reshape(count) for axis in "xyz"], axis=1).astype(np.float64)
-
-
-def _unpacked(data: bytes, size: int) -> bytes:
-    """What Marc Lehmann's LZF packed: runs of bytes, and references to earlier bytes, which may go on into their own."""
-    out, at = bytearray(), 0
-    while at < len(data) and len(out) < size:
-        control, at = data[at], at + 1
-        if control < 32:
-            out += data[at : (at := at + control + 1)]
-            continue
-        length, at = (control >> 5, at) if control < 224 else (7 + data[at], at + 1)
-        piece, at = out[-1 - (control % 32 << 8) - data[at] :][: length + 2], at + 1
-        out += (piece * (length // len(piece) + 3))[: length + 2]
-    return bytes(out)
 
 
 def lens(path: str) -> tuple[bytes, list[float]] | None:
