@@ -7,7 +7,6 @@ from graspmill import _commands, _native
 
 
 def main() -> int:
-    """Runs the command that the arguments name; returns its exit code."""
     code = _commands.run(sys.argv[1:])
     return _native.run_program(["graspmill", *sys.argv[1:]]) if code is None else code
 

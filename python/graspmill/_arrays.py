@@ -30,7 +30,6 @@ def shown(value: object) -> str:
 
 
 def kind(array: NDArray[Any]) -> str:
-    """The type and the shape of an array, for a message."""
     return f"{array.dtype} {list(array.shape)}"
 
 
@@ -50,7 +49,6 @@ def read_as(rule: str, value: object) -> Iterator[None]:
 
 
 def given(name: str, value: ArrayLike, what: str = "an array of numbers") -> NDArray[Any]:
-    """What was given, as an array."""
     try:
         array = None if _is_masked(value) else np.asarray(value)
     except (TypeError, ValueError, RuntimeError, BufferError) as error:
@@ -67,7 +65,6 @@ def _is_masked(value: object) -> bool:
 
 
 def listed(name: str, value: Any) -> list[Any]:
-    """A list of what was given, such as images."""
     with read_as(f"{name} must be a list", value):
         return list(value)
 
@@ -106,7 +103,6 @@ def _fits(got: Sequence[int], shape: Sequence[int | None]) -> bool:
 
 
 def path(name: str, value: Any) -> str:
-    """A path, or a name, as text."""
     with read_as(f"{name} must be a path or a name", value):
         given = os.fspath(value)
     must(isinstance(given, str) and given and "\0" not in given, f"{name} must be a path or a name in text", value)
@@ -114,7 +110,6 @@ def path(name: str, value: Any) -> str:
 
 
 def text(name: str, value: object) -> str:
-    """A text that can be written in UTF-8."""
     given = str(value)
     with read_as(f"{name} must be text in UTF-8", value):
         given.encode()
@@ -128,7 +123,6 @@ def vgn_values(name: str, values: Floats) -> None:
 
 
 def number(name: str, value: Any, low: float, high: float) -> float:
-    """A number between two limits, included."""
     with read_as(f"{name} must be a number", value):
         given = float(value)
     must(math.isfinite(given) and low <= given <= high, f"{name} must be between {low:g} and {high:g}, got {given:g}")
@@ -141,13 +135,11 @@ def shortest(value: float) -> float:
 
 
 def flag(name: str, value: Any) -> bool:
-    """Whether something is so: True or False, as Python sees it."""
     with read_as(f"{name} must be True or False", value):
         return bool(value)
 
 
 def whole(name: str, value: Any, low: int, high: int) -> int:
-    """A whole number between two limits, included."""
     must(not isinstance(value, bool), f"{name} must be a whole number", value)
     with read_as(f"{name} must be a whole number", value):
         given = operator.index(value)
@@ -156,19 +148,16 @@ def whole(name: str, value: Any, low: int, high: int) -> int:
 
 
 def threads(value: Any) -> int:
-    """A number of threads; 0, one per core, if it is not given."""
     return 0 if value is None else whole("threads", value, 1, 1024)
 
 
 def one_of(name: str, value: Any, known: Sequence[str | None]) -> None:
-    """Refuses what is none of some words."""
     if not (value is None or isinstance(value, str)) or value not in known:
         words = [repr(one) for one in known if one]
         raise InputError(f"{name} must be {', '.join(words[:-1])} or {words[-1]}, got {shown(value)}")
 
 
 def table(name: str, value: object) -> dict[Any, Any]:
-    """A mapping of a file."""
     if not isinstance(value, dict):
         raise InputError(f"{name} must be a mapping, got {shown(value)}")
     return value

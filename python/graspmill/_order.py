@@ -43,8 +43,6 @@ class Turns(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """The order of a stream's samples."""
-
     scenes: list[tuple[int, int]]  # first scene and end of each shard
     wanted: NDArray[np.bool_]  # [scenes, attempts]: what is in the split
     batch: int  # samples in a batch
@@ -60,16 +58,13 @@ class Order:
 
     @cached_property
     def counts(self) -> Numbers:
-        """``[scenes]``: samples of each scene."""
         return np.asarray(self.wanted.sum(axis=1, dtype=np.int64))
 
     @property
     def runs(self) -> int:
-        """Number of parts into which the scenes are cut."""
         return 1 if self.is_shared else self.ranks
 
     def block_of(self, scene: int) -> Block:
-        """The block in which a scene is stored."""
         shard = bisect_right(self.scenes, scene, key=lambda ends: ends[1])
         first, end = self.scenes[shard]
         at = first + (scene - first) // BLOCK * BLOCK
@@ -165,7 +160,6 @@ class Order:
         return Turns(worker[in_turn], np.concatenate(sizes)[in_turn])
 
     def _slice(self, parts: list[Part], mirrored: NDArray[np.uint32]) -> Drawn:
-        """This rank's share of a batch of all ranks."""
         size = len(mirrored)
         low, high = (size * at // self.ranks for at in (self.rank, self.rank + 1))
         own, at = [], 0

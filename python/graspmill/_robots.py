@@ -198,11 +198,9 @@ class Hand:
         return str(self.model.body(body).name)
 
     def way(self, body: int) -> list[int]:
-        """A body and all that carry it, up to the world."""
         return [body, *self.way(int(self.model.body_parentid[body]))] if body else [body]
 
     def fixed_to(self, body: int) -> int:
-        """The first of the bodies that are fixed to each other, but the world."""
         while body and self.model.body_parentid[body] and not self.model.body_jntnum[body]:
             body = int(self.model.body_parentid[body])
         return body

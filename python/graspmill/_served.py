@@ -171,7 +171,6 @@ def _are_rotations(turns: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _thinned(points: NDArray[np.float32], count_max: int) -> NDArray[np.float32]:
-    """Every n-th point, so that at most ``count_max`` remain."""
     return points[:: max(-(-len(points) // max(count_max, 1)), 1)]
 
 
@@ -180,7 +179,6 @@ def _encoded(points: NDArray[np.float32]) -> dict[str, Any]:
 
 
 def _is_like(pose: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
-    """Whether a hand is nearly one of the others."""
     turns = others[:, :3, :3].transpose(0, 2, 1) @ pose[:3, :3]
     cosines = (np.abs(turns[:, 0, 0] + turns[:, 1, 1]) + turns[:, 2, 2] - 1) / 2
     is_near = np.linalg.norm(others[:, :3, 3] - pose[:3, 3], axis=1) <= ALIKE_M

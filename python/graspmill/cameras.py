@@ -101,11 +101,9 @@ class Camera:
         return cls(width, height, focal_px, focal_px, width / 2.0, height / 2.0, pose)
 
     def _intrinsics(self) -> list[float]:
-        """Width, height, fx, fy, cx, cy in pixels."""
         return [float(self.width_px), float(self.height_px), self.fx_px, self.fy_px, self.cx_px, self.cy_px]
 
     def _pose(self) -> list[float]:
-        """The pose as position and quaternion."""
         if self.workspace_from_camera is None:
             raise InputError("workspace_from_camera must be given, got None: only a plan finds the table without it")
         return _arrays.pose("workspace_from_camera", self.workspace_from_camera)

@@ -82,7 +82,6 @@ def _volume(triangles: Floats) -> float:
 
 
 def _along(axes: Floats, direction: Floats) -> Floats:
-    """The axis of a frame that is nearest to a direction, with its sign."""
     nearest = int(np.abs(axes.T @ direction).argmax())
     return np.asarray(axes[:, nearest] * np.sign(axes[:, nearest] @ direction))
 
@@ -113,7 +112,6 @@ def _frame(hand: Hand, shapes: list[Floats]) -> tuple[Floats, Floats]:
 
 
 def _opening(hand: Hand, shapes: list[Floats]) -> float:
-    """The distance of the jaws' inner faces at the pads; negative where they overlap."""
     turn, origin = _frame(hand, shapes)
     inner = []
     for side in (0, 1):
@@ -173,7 +171,6 @@ def _boxes(everything: Floats, opening: float, length: float) -> tuple[tuple[flo
 
 
 def _finger_length(everything: Floats, opening: float) -> float:
-    """The length of the fingers, as the constants above have it."""
     deepest, best = -float(everything[..., 2].min()), (np.inf, 0.0)
     for length in np.arange(PAD_M, deepest, STEP_M):
         if np.abs(_cut(everything, -length)[:, 1]).min() < opening / 2 - BETWEEN_M:
@@ -204,7 +201,6 @@ def _said(boxes: HandBoxes) -> str:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """The command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="graspmill.descriptions", description="Fits a gripper's boxes to a URDF or MJCF.")
     parser.add_argument("path", help="the description: a URDF (.urdf) or an MJCF file")
     parser.add_argument("--fingers", required=True, metavar="LINK,LINK", help="the two links that touch the object")

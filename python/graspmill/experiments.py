@@ -158,7 +158,6 @@ class NoAnswer(Exception):
 
 
 def _answer(work: _native.Experiment, planner: Callable[[Look], Planned], look: Look) -> None:
-    """Asks the function, and tells the round what it said."""
     try:
         work.answer(_offers(planner(look), look))
     except OutsideError:

@@ -82,7 +82,6 @@ LENGTHS = tuple(one.name for one in fields(Gripper) if one.name not in ("name", 
 
 
 def loaded(gripper: GripperLike) -> Gripper:
-    """A gripper by its name or file, if it is not one already."""
     return gripper if isinstance(gripper, Gripper) else Gripper.load(gripper)
 
 

@@ -167,7 +167,6 @@ class ObjectGrasps:
 
 
 def labels(name: str, value: ArrayLike, count: int) -> NDArray[np.bool_]:
-    """Labels ``[N]``, true or false or 1 or 0."""
     if (array := _arrays.given(name, value)).shape != (count,):
         raise InputError(f"{name} must have the shape [{count}], one a grasp, got {list(array.shape)}")
     is_fit = array.dtype.kind in "biuf" and np.isin(array, (0, 1)).all()

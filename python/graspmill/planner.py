@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-from functools import partial
 from typing import TYPE_CHECKING, Any, Callable, Literal, Sequence, TypedDict
 
 import numpy as np
@@ -112,12 +111,6 @@ def _planned(begin: Callable[..., _native.Plan | _native.Planning], *observation
     return Plan._of(step)
 
 
-def _anywhere(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
-    """A file of settings for a process with another current folder. A built-in name, which has no ending, stays one, whatever
-    lies in this folder."""
-    return os.path.abspath(path) if os.path.splitext(path)[1] and os.path.isfile(path) else path
-
-
 class Planner(Immutable):
     """A network with its settings, ready to plan. Planning does not change it, so threads may share it.
 
@@ -142,16 +135,6 @@ class Planner(Immutable):
         simulation = None if gripper is None else _simulation(gripper, None)
         weights = None if model is None else _arrays.path("model", model)
         self._native = _native.Planner(_arrays.path("config", config), weights, simulation, _arrays.threads(threads))
-        self._again = partial(
-            type(self),
-            _anywhere(config),
-            model=None if model is None else os.path.abspath(model),
-            gripper=_anywhere(gripper) if isinstance(gripper, (str, os.PathLike)) else gripper,
-            threads=threads,
-        )
-
-    def __reduce__(self) -> tuple[partial[Planner], tuple[()]]:
-        return self._again, ()
 
     @property
     def gripper(self) -> str:
@@ -286,7 +269,6 @@ def _parts(pose: list[float]) -> dict[str, list[float]]:
 
 
 def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[np.bool_] | None]:
-    """Masks that fit their images."""
     _arrays.must(len(masks) == len(images), f"there must be as many masks as depth images, {len(images)}, got {len(masks)}")
     fitting: list[NDArray[np.bool_] | None] = []
     for number, (mask, image) in enumerate(zip(masks, images)):

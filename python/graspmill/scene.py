@@ -211,7 +211,6 @@ class Scene(Immutable):
 
     @classmethod
     def _of(cls, stored: tuple[_native.Dataset, int]) -> tuple[Scene, dict[str, Any]]:
-        """A scene of a dataset, and its rows."""
         made = cls.__new__(cls)
         made._native, made._simulation, rows = stored[0].scene(stored[1])
         made._stored = stored

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-from bisect import bisect_right
 from typing import Any, Generic, Iterator, Literal, Mapping, TypeVar, cast
 
 import numpy as np
@@ -32,8 +31,7 @@ from ._judge import Judge, judge_loss
 from ._voxel_network import ORIGIN_BEHIND_TIPS_M, VoxelNetwork, behind_tips_m, closings_loss, loss
 
 __all__ = [
-    "Batch", "GraspCropBatch", "GraspCropDataset", "GraspCropStream", "GraspDataset", "GraspStream", "Judge", "VoxelNetwork",
-    "closings_loss", "judge_loss", "loss",
+    "Batch", "GraspCropBatch", "GraspCropStream", "GraspStream", "Judge", "VoxelNetwork", "closings_loss", "judge_loss", "loss",
 ]  # fmt: skip
 
 Split = Literal["train", "test", "test-attempts", "test-scenes", "all"]
@@ -111,66 +109,11 @@ class _Samples:
         return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 
-class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
-    """Samples one by one."""
-
-    _has_crops: bool
-
-    def __init__(
-        self, path: str | os.PathLike[str] | Dataset, split: Split = "train", *, by: Literal["attempt", "scene"] = "attempt",
-        test_share: float = 0.1, other_share: float = 0.03, seed: int = 1, origin_behind_tips_m: float | None = None,
-    ) -> None:  # fmt: skip
-        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._has_crops, origin_behind_tips_m)
-        self._places = np.nonzero(self._samples.wanted)[0]
-
-    def __len__(self) -> int:
-        return len(self._places)
-
-    def __getitem__(self, index: int) -> dict[str, Tensor]:
-        if not -len(self) <= index < len(self):
-            raise IndexError(index)
-        scene, attempt = divmod(int(self._places[index]), self._samples.per_scene)
-        dataset = self._samples.dataset
-        shard = bisect_right(range(dataset.shard_count), scene, key=lambda shard: dataset._native.scenes_of(shard)[1])
-        grids, where, rows = self._samples.read(shard, [scene])
-        one = {name: values[[where[0, attempt]]] for name, values in rows.items()}
-        batch = self._samples.batch(grids, np.zeros(1, np.intp), one, np.zeros(1, np.uint32))
-        return {name: values[0] for name, values in batch.items() if name != "scene"}
-
-
-class GraspDataset(_Items):
-    """Samples by index: ``tsdf`` ``[1, 40, 40, 40]``, ``voxel`` ``[3]``, ``label``, ``rotation`` ``[4]``, ``width``, ``tips``
-    ``[3]``.
-
-    Each item decodes a scene. :class:`GraspStream` decodes a scene once for several samples and is many times faster.
-
-    Args:
-        path: A dataset, or its folder or URL.
-        split: ``"train"``, ``"test"`` (the test set that ``by`` selects), ``"test-attempts"``, ``"test-scenes"`` or ``"all"``.
-        by: Whether the test set is of single attempts, as in the paper, or of whole scenes.
-        test_share: Share of all samples in that test set, and ``other_share`` in the other one.
-        seed: Seed of the split; 1 in the trainer's recipes.
-        origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach; it decides which
-            voxel a grasp belongs to (``network.origin_behind_tips_m`` of a recipe). By default 0.05, as in the shipped recipes.
-    """
-
-    _has_crops = False
-
-
-class GraspCropDataset(_Items):
-    """Crops of grasps by index: the entries of :class:`GraspCropBatch` without ``B``, never mirrored.
-
-    The arguments are those of :class:`GraspDataset`.
-    """
-
-    _has_crops = True
-
-
 class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     """Batches in a shuffled order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``.
 
     Each worker reads blocks of 64 scenes in an order that depends on the seed, the epoch and the number of workers alone, and
-    shuffles scenes in a buffer. Further arguments are those of :class:`GraspDataset`; the seed is also the order's.
+    shuffles scenes in a buffer.
 
     **Several ranks.** Where ``torch.distributed`` is initialised, or with ``rank`` and ``world_size``, an epoch has every sample
     once over all ranks, and every rank has the same number of steps: batches differ by a sample or so, and their ``share`` says how
@@ -179,11 +122,17 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
 
     Args:
         path: A dataset, or its folder or URL (for workers and a URL: ``multiprocessing_context="spawn"``).
+        split: ``"train"``, ``"test"`` (the test set that ``by`` selects), ``"test-attempts"``, ``"test-scenes"`` or ``"all"``.
         batch: Number of samples in a batch; of several ranks, in that of a rank.
         samples_per_scene: The largest number of samples of a scene that stay together and share its grid; by default 8, or
             ``batch`` if that is smaller.
         buffer_scenes: Number of such groups that are shuffled with each other.
         shuffle: Whether the order is shuffled; otherwise it is the stored one.
+        by: Whether the test set is of single attempts, as in the paper, or of whole scenes.
+        test_share: Share of all samples in that test set, and ``other_share`` in the other one.
+        seed: Seed of the split (1 in the trainer's recipes) and of the order.
+        origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach; it decides which
+            voxel a grasp belongs to (``network.origin_behind_tips_m`` of a recipe). By default 0.05, as in the shipped recipes.
         rank: The number of this rank, from 0, of ``world_size``; by default as ``torch.distributed`` has them, if initialised.
         global_batch: Whether ``batch`` is that of all ranks together, who take a slice each. Ranks then read scenes of all shards.
 

@@ -42,13 +42,20 @@ def test_the_split_is_the_trainers(dataset, tmp_path):
         assert np.isclose(labels[split], held / counts[split])
 
 
+def stored(stream_type, dataset, **more):
+    """Places of all samples, and a function that reads those at some of them, in order."""
+    stream = stream_type(dataset, "all", batch=1, shuffle=False, **more)
+    places = np.nonzero(stream._samples.wanted)[0].tolist()
+    return places, lambda wanted: [{name: value[0] for name, value in one.items()} for at, one in zip(places, stream) if at in wanted]
+
+
 def test_samples_are_the_rows_of_the_tables(dataset):
-    samples = gt.GraspDataset(dataset, "all")
+    places, read = stored(gt.GraspStream, dataset)
     rows = dataset.attempts().to_polars()
     voxel_m = 0.3 / 40
-    for index in (0, 17, len(samples) - 1):
-        place = int(samples._places[index])
-        row, item = rows.row(place, named=True), samples[index]
+    wanted = [places[index] for index in (0, 17, -1)]
+    for place, item in zip(wanted, read(wanted), strict=True):
+        row = rows.row(place, named=True)
         approach = np.array(axis_of(row[name] for name in ("qx", "qy", "qz", "qw")))
         at = np.floor((np.array([row["x_m"], row["y_m"], row["z_m"]]) - 0.05 * approach) / voxel_m)
         assert item["voxel"].tolist() == at.tolist() and item["label"] == row["label"]
@@ -162,9 +169,10 @@ def test_wrong_grids_of_hands_are_refused(dataset):
 
 def test_crops_are_what_the_trainers_judge_sees(dataset, tmp_path):
     rows = dataset.attempts().to_polars()
-    samples = gt.GraspCropDataset(dataset, "all")
-    for index in (0, 5, len(samples) - 1):
-        row, item = rows.row(int(samples._places[index]), named=True), samples[index]
+    places, read = stored(gt.GraspCropStream, dataset)
+    wanted = [places[index] for index in (0, 5, -1)]
+    for place, item in zip(wanted, read(wanted), strict=True):
+        row = rows.row(place, named=True)
         scene = dataset.scene(row["scene_id"])
         pose = [row[name] for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")]
         seen = graspmill.grasp_crops(scene.tsdf, [pose], views=len(scene.cameras))
@@ -257,11 +265,10 @@ def test_the_head_by_closing_goes_both_ways_and_has_the_trainers_loss(tmp_path):
 
 
 def test_samples_of_another_origin_are_at_other_voxels(dataset):
-    tips, roots = (gt.GraspDataset(dataset, "all", origin_behind_tips_m=origin) for origin in (0.0, 0.05))
-    places = sorted({*tips._places} & {*roots._places})[::40]
+    (tips, read_tips), (roots, read_roots) = (stored(gt.GraspStream, dataset, origin_behind_tips_m=origin) for origin in (0.0, 0.05))
+    places = sorted({*tips} & {*roots})[::40]
     assert len(places) > 5 and len(roots) < len(tips), "some roots are outside the grid"
-    for place in places:
-        a, b = (samples[int(np.searchsorted(samples._places, place))] for samples in (tips, roots))
+    for a, b in zip(read_tips(places), read_roots(places), strict=True):
         approach = torch.tensor(axis_of(a["rotation"].tolist()))
         assert torch.allclose(a["rotation"], b["rotation"]) and a["label"] == b["label"]
         # 50 mm are 6.67 voxels; both positions are rounded.

@@ -21,7 +21,6 @@ def number(value: Any) -> str:
 
 
 def joined(values: Iterable[Any], between: str = " ") -> str:
-    """Numbers with spaces between them."""
     return between.join(map(number, values))
 
 

@@ -77,7 +77,6 @@ def _set(plan: Plan, told: Told) -> ObjectGrasps:
 
 
 def save(plan: Plan, path: str | os.PathLike[str], format: PlanFileFormat | None, options: PlanFileOptions) -> Path:
-    """Writes a file of a plan."""
     file, told = _arrays.path("path", path), _told(options)
     chosen = ENDINGS.get(os.path.splitext(file)[1].lower()) if format is None else format
     if chosen == "moveit":
@@ -97,7 +96,6 @@ def save(plan: Plan, path: str | os.PathLike[str], format: PlanFileFormat | None
 
 
 def moveit_grasps(plan: Plan, options: PlanFileOptions) -> list[dict[str, Any]]:
-    """The grasps with the fields of ``moveit_msgs/Grasp``, best first; fields that are not known are left out."""
     told = _told(options)
     name, poses = _frame(plan, told)
     links = _links(plan, told, poses)
@@ -146,18 +144,15 @@ def _posture(joints: Mapping[str, float], apart_m: float, force_n: float | None 
 
 
 def _retreat(approach: Numbers, up: Numbers) -> Numbers:
-    """The direction in which the hand of an attempt goes away."""
     return -approach if -approach @ up >= np.cos(RETREAT_CONE_RAD) else up
 
 
 def _way(frame_id: str, along: Numbers, far_m: float) -> dict[str, Any]:
-    """A ``moveit_msgs/GripperTranslation``."""
     direction = {"header": {"frame_id": frame_id}, "vector": _named("xyz", along)}
     return {"direction": direction, "desired_distance": far_m, "min_distance": LEAST_SHARE * far_m}
 
 
 def _pose(matrix: Numbers) -> dict[str, Any]:
-    """A ``geometry_msgs/Pose``."""
     turned = _arrays.quaternions(matrix[None, :3, :3])[0]
     return {"position": _named("xyz", matrix[:3, 3]), "orientation": _named("xyzw", turned)}
 

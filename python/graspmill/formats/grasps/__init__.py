@@ -1,6 +1,7 @@
 """Files of grasps: ACRONYM, GraspGen, isaac_grasp, MolmoSpaces and GraspNet, and our own Parquet (``docs/exporting.md``).
 
-A format is a file with ``read``, of a file that is ``WHAT``, and ``write``; ``read`` refuses what is wrong without the path.
+A format is a file with ``read``, which gives the arguments of an ``ObjectGrasps`` of a file that is ``WHAT`` and refuses what is
+wrong without the path, and ``write``.
 """
 
 from __future__ import annotations

@@ -34,7 +34,6 @@ def _products_negated(inertia: Numbers) -> Numbers:
 
 
 def read(path: str, hand: Hand) -> dict[str, Any]:
-    """The arguments of an ``ObjectGrasps``."""
     h5py = module("h5py", "a file of ACRONYM")
 
     def value(key: str, shape: tuple[int, ...] | None = None, has_gaps: bool = False) -> Any:

@@ -16,7 +16,6 @@ WHAT = "JSON"
 
 
 def read(path: str, hand: Hand) -> dict[str, Any]:
-    """The arguments of an ``ObjectGrasps``."""
     data = _arrays.table("the file", loaded_json(path))
     thing, grasps = _arrays.table("object", _arrays.entry("object", data)), _arrays.table("grasps", _arrays.entry("grasps", data))
     gripper = _arrays.table("gripper", data.get("gripper", {}))
@@ -36,7 +35,6 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
 
 
 def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
-    """As ``graspmill objects annotate --format graspgen``."""
     base_m = hand.known_m(grasps.base_to_tips_m, "the set")
     gripper = {"name": hand_name(grasps), "width": opening_m(grasps), "depth": base_m}
     value = {

@@ -43,7 +43,6 @@ def _row(name: str, value: object) -> tuple[list[float], float, float, float]:
 
 
 def read(path: str, hand: Hand) -> dict[str, Any]:
-    """The arguments of an ``ObjectGrasps``."""
     yaml = module("yaml", "isaac_grasp")
     with open(path, "rb") as file:
         data = _arrays.table("the file", yaml.load(file, getattr(yaml, "CSafeLoader", yaml.SafeLoader)))

@@ -20,7 +20,6 @@ COLUMNS["on_table_share"] = "free_on_table_share"
 
 
 def read(path: str, _: Hand) -> dict[str, Any]:
-    """The arguments of an ``ObjectGrasps``."""
     beside = os.path.splitext(path)[0] + ".json"
     _arrays.must(os.path.isfile(beside), f"NAME.json must be beside NAME.parquet, got none: {beside}")
     info = _arrays.table("the file", loaded_json(beside))

@@ -36,7 +36,6 @@ Singles = NDArray[np.float32]
 
 
 def singles(*values: Any) -> Singles:
-    """Numbers in single precision."""
     return np.array(values, np.float32)
 
 
@@ -54,7 +53,6 @@ class Hull(NamedTuple):
     faces: list[list[int]]
 
     def triangles(self) -> NDArray[np.intp]:
-        """The surface, ``[T, 3]``."""
         return np.array([[ring[0], ring[i], ring[i + 1]] for ring in self.faces for i in range(1, len(ring) - 1)])
 
 
@@ -136,7 +134,6 @@ class World:
             self.plain["objects"].append({**about, **of_mass})
 
     def field_of_view_rad(self) -> float:
-        """The whole vertical angle that a camera sees."""
         return 2.0 * math.atan(0.5 * self.lens[1] / self.lens[3])
 
     def hulls(self) -> dict[str, Hull]:

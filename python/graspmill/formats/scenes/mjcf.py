@@ -24,7 +24,6 @@ COLOURS = ("0.8 0.35 0.3", "0.3 0.55 0.8", "0.4 0.7 0.4", "0.85 0.65 0.3", "0.6 
 
 
 def files(world: World) -> dict[str, str]:
-    """The texts of a scene's files, by their names."""
     return {"scene.xml": "\n".join(_scene(world)), "hand.xml": "\n".join(_hand(world))}
 
 

@@ -16,7 +16,6 @@ STILL = '    <inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0"
 
 
 def files(world: World) -> dict[str, str]:
-    """The texts of a scene's files, by their names."""
     palm, *fingers = world.hand
     hand, stroke = _link(palm, "hand"), number(world.stroke_m)
     force, speed = (number(world.gripper[key]) for key in ("finger_force_n", "closing_speed_m_s"))

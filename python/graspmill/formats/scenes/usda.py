@@ -19,7 +19,6 @@ FOCAL = Single(0.24)
 
 
 def files(world: World) -> dict[str, str]:
-    """The texts of a scene's files, by their names."""
     return {"scene.usda": _stage("World", _scene(world)), "hand.usda": _stage("hand", _hand(world))}
 
 
