@@ -20,8 +20,7 @@ class Batch(_Shared):
 
     ``tsdf`` is ``[S, 1, 40, 40, 40]``. The others have ``B`` entries: ``scene`` (index into ``tsdf``), ``voxel``
     ``[B, 3]`` (x, y, z), ``label`` (1 if the attempt held), ``rotation`` ``[B, 4]`` (quaternion x, y, z, w), ``width``
-    (opening in voxels; 0 unless the attempt held), ``tips`` ``[B, 3]`` (the point between the finger tips from the
-    middle of the voxel, in voxels). A stream of one of several ranks adds ``share`` ``[1]``: times it, a
+    (opening in voxels; 0 unless the attempt held). A stream of one of several ranks adds ``share`` ``[1]``: times it, a
     rank's mean loss counts for its samples, so that the mean over the ranks is that over all samples of the step.
     """
 
@@ -31,7 +30,6 @@ class Batch(_Shared):
     label: Tensor
     rotation: Tensor
     width: Tensor
-    tips: Tensor
 
 
 class GraspCropBatch(_Shared):

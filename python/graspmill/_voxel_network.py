@@ -93,11 +93,6 @@ class VoxelNetwork(nn.Module):
         heads = {name: layer(x) for name, layer in zip(names, layers)}
         return {**heads, "approach": F.normalize(heads["approach"], dim=1)}
 
-    def heads_at(self, batch: Batch) -> dict[str, Tensor]:
-        """:meth:`heads` at the voxels of a batch, each ``[B, channels]``, for :func:`closings_loss`."""
-        i, j, k = batch["voxel"].T
-        return {name: head[batch["scene"], :, i, j, k] for name, head in self.heads(batch["tsdf"]).items()}
-
     def at(self, batch: Batch) -> tuple[Tensor, Tensor, Tensor]:
         """Quality ``[B]``, rotation ``[B, 4]`` and width ``[B]`` at the voxels of a batch."""
         i, j, k = batch["voxel"].T
@@ -106,14 +101,13 @@ class VoxelNetwork(nn.Module):
         return quality[at, 0, i, j, k], rotation[at, :, i, j, k], width[at, 0, i, j, k]
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], upsampling: Literal["linear", "nearest"] | None = None) -> VoxelNetwork:
-        """The network with the weights, the upsampling and the origin of a file; or with another upsampling.
+    def load(cls, path: str | os.PathLike[str]) -> VoxelNetwork:
+        """The network with the weights, the upsampling and the origin of a file.
 
         Args:
             path: A checkpoint; or a state dict of VGN's network, as safetensors or of ``torch.save``, alone or under
                 ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so VGN's are used:
                 nearest upsampling, and the origin 50 mm behind the finger tips, in the lower corner of its voxel.
-            upsampling: The upsampling, in place of the file's.
         """
         stated: dict[str, Any] = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
         with open(path, "rb") as file:
@@ -132,7 +126,7 @@ class VoxelNetwork(nn.Module):
         tensors = _state_dict(saved)
         origin = {name: float(stated[name]) for name in ("origin_behind_tips_m", "voxel_offset")}
         head: Literal["quaternion", "closings"] = "closings" if "conv_turn.weight" in tensors else "quaternion"
-        net = cls(upsampling or stated["upsampling"], head=head, **origin)
+        net = cls(stated["upsampling"], head=head, **origin)
         net.load_state_dict(tensors, strict=True)
         return net
 
@@ -162,28 +156,6 @@ def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tens
     apart = torch.minimum(*(1.0 - (rotation * one).sum(1).abs() for one in (target, turned)))
     terms = F.binary_cross_entropy(quality, label, reduction="none") + label * apart + 0.01 * label * (width - batch["width"]) ** 2
     return terms.mean()
-
-
-def closings_loss(heads: dict[str, Tensor], batch: Batch) -> Tensor:
-    """The trainer's loss of :meth:`VoxelNetwork.heads_at` with ``head="closings"``, a scalar: the cross-entropy of the quality at
-    the closing direction that was tried and, for held grasps, 1 minus the cosine between the approaches, 0.3 times the
-    cross-entropy of the closing direction, 0.01 times the squared error of the opening and 0.03 times that of the tips, in
-    voxels."""
-    label, rotation = batch["label"], batch["rotation"]
-    x, y, z, w = rotation.unbind(1)
-    approach = torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], dim=1)
-    ux, _, uz, uw = _unturned(approach).unbind(1)
-    turn = torch.remainder(2 * torch.atan2(uw * z - ux * y - uz * w, uw * w + ux * x + uz * z), torch.pi)
-    place = turn * (TURNS / torch.pi)
-    low, rest = place.floor().long(), place - place.floor()
-    log_shares = F.log_softmax(heads["turn_logits"], dim=1)
-    of = [log_shares.gather(1, ((low + by) % TURNS)[:, None])[:, 0] for by in (0, 1)]
-    surprise = -(1 - rest) * of[0] - rest * of[1]
-    quality = F.binary_cross_entropy_with_logits(_at_turn(heads["quality_logit"], turn), label, reduction="none")
-    apart = 1 - (heads["approach"] * approach).sum(1)
-    width = (_at_turn(heads["width"], turn) - batch["width"]) ** 2
-    tips = ((heads["tips"] - batch["tips"]) ** 2).sum(1)
-    return (quality + label * (apart + 0.3 * surprise + 0.01 * width + 0.03 * tips)).mean()
 
 
 def _unturned(approach: Tensor) -> Tensor:

@@ -41,8 +41,6 @@ class HandBoxes:
         path: The description.
         opening_m_min: Distance of the inner faces with the joints at their other limit.
         flange_from_grasp: ``[4, 4]``, the grasp frame in the frame of the link ``flange``; ``None`` if it is not known.
-        boxes_m3: Volume of the boxes.
-        meshes_m3: Volume of the geometry, parts that overlap counted twice.
     """
 
     path: Path
@@ -55,8 +53,6 @@ class HandBoxes:
     palm_width_m: float
     palm_breadth_m: float
     flange_from_grasp: Floats | None
-    boxes_m3: float
-    meshes_m3: float
 
     def gripper(self, name: str, **others: Any) -> Gripper:
         """The gripper, with what a description does not tell: ``finger_mass_kg``, ``finger_force_n``, ``closing_speed_m_s`` and,
@@ -75,10 +71,6 @@ def _cut(triangles: Floats, z: float) -> Floats:
         start, end = start[crosses], end[crosses]
         points.append(start + (end - start) * ((z - start[:, 2]) / (end[:, 2] - start[:, 2]))[:, None])
     return np.concatenate(points)
-
-
-def _volume(triangles: Floats) -> float:
-    return float(abs(np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])).sum() / 6))
 
 
 def _along(axes: Floats, direction: Floats) -> Floats:
@@ -152,14 +144,11 @@ def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, fl
     sizes = dict(zip(LENGTHS, (opening, length, width, thickness, *palm)))
     # Outwards to tenths of a millimetre.
     outwards = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
-    fingers_m3 = 2 * outwards["finger_length_m"] * outwards["finger_width_m"] * outwards["finger_thickness_m"]
     return HandBoxes(
         path=hand.path,
         **outwards,
         opening_m_min=max(0.0, min(value for value in openings if np.isfinite(value))),
         flange_from_grasp=_flange(hand, turn, origin),
-        boxes_m3=fingers_m3 + outwards["palm_length_m"] * outwards["palm_width_m"] * outwards["palm_breadth_m"],
-        meshes_m3=sum(_volume(shape) for shape in local),
     )
 
 
@@ -197,7 +186,7 @@ def _said(boxes: HandBoxes) -> str:
     flange = boxes.flange_from_grasp
     rows = [f"{key:<20}{1e3 * getattr(boxes, key):>8.1f} mm" for key in ("opening_m_min", *LENGTHS[:7])]
     rows.append(f"flange_from_grasp   {'not known: give --flange' if flange is None else (1e3 * flange[:3, 3]).round(1).tolist()}")
-    return "\n".join([*rows, f"boxes {1e6 * boxes.boxes_m3:.0f} cm3, shapes {1e6 * boxes.meshes_m3:.0f} cm3"])
+    return "\n".join(rows)
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -149,17 +149,10 @@ class ObjectGrasps:
         gripper: GripperLike | None = None, closing_axis: Axis | None = None,
     ) -> Path:  # fmt: skip
         """Writes a file for other projects, as ``graspmill objects annotate --format`` does, and returns its path. An existing file
-        stays until it is replaced by the whole one. ``docs/exporting.md`` has the frames. Further arguments are those of
-        :func:`graspmill.read_grasps`.
+        stays until it is replaced by the whole one. The arguments are those of :func:`graspmill.read_grasps`, without Parquet;
+        ``base_to_tips_m`` is in place of the set's, for ACRONYM 0.1122 m.
 
-        Args:
-            path: The file.
-            format: ``"acronym"`` (needs h5py), ``"graspgen"``, ``"isaac_grasp"``, ``"molmospaces"`` or ``"graspnet"``; by default
-                that of the path's ending: .h5, .json, .yaml, .npz or .npy.
-            base_to_tips_m: From the hand's base to its tips, in place of the set's; for ACRONYM 0.1122 m.
-
-        Raises InputError if the set has no labels and the format needs them, or the distance is not known; OutsideError if the disk
-        fails.
+        Raises InputError if the format needs labels or the distance, and the set has none; OutsideError if the disk fails.
         """
         from .formats import grasps
 

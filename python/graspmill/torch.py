@@ -28,11 +28,9 @@ except ImportError as error:  # pragma: no cover
 
 from ._batches import Batch, GraspCropBatch
 from ._judge import Judge, judge_loss
-from ._voxel_network import ORIGIN_BEHIND_TIPS_M, VoxelNetwork, behind_tips_m, closings_loss, loss
+from ._voxel_network import ORIGIN_BEHIND_TIPS_M, VoxelNetwork, behind_tips_m, loss
 
-__all__ = [
-    "Batch", "GraspCropBatch", "GraspCropStream", "GraspStream", "Judge", "VoxelNetwork", "closings_loss", "judge_loss", "loss",
-]  # fmt: skip
+__all__ = ["Batch", "GraspCropBatch", "GraspCropStream", "GraspStream", "Judge", "VoxelNetwork", "judge_loss", "loss"]
 
 Split = Literal["train", "test", "test-attempts", "test-scenes", "all"]
 
@@ -83,12 +81,7 @@ class _Samples:
             rows |= {"gripper": numbers[:, 3], "views": numbers[:, 4]}
         else:
             known = held & np.isfinite(width)
-            origin = poses[:, :3] / np.float32(self.voxel_m)
-            rows["voxel"] = np.floor(origin).astype(np.int64)
-            x, y, z, w = poses[:, 3:].T
-            approach = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
-            behind = np.float32(self.origin_behind_tips_m / self.voxel_m)
-            rows["tips"] = (origin - rows["voxel"].astype(np.float32) - np.float32(0.5) + behind * approach).astype(np.float32)
+            rows["voxel"] = np.floor(poses[:, :3] / np.float32(self.voxel_m)).astype(np.int64)
             rows["width"] = np.where(known, width / np.float32(self.voxel_m), np.float32(0.0)).astype(np.float32)
         where = {(int(place), int(attempt)): row for row, (place, attempt, *_) in enumerate(numbers)}
         return grids.reshape(len(scenes), 1, self.side, self.side, self.side), where, rows
@@ -105,7 +98,7 @@ class _Samples:
             arrays |= {"features": seen.features, "outcome": rows["outcome"], "label": rows["label"], "hits_table": seen.hits_table}
         else:
             arrays = {"tsdf": grids, "scene": scene.astype(np.int64), "rotation": rows["pose"][:, 3:].copy()}
-            arrays |= {name: rows[name] for name in ("voxel", "label", "width", "tips")}
+            arrays |= {name: rows[name] for name in ("voxel", "label", "width")}
         return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 

@@ -18,21 +18,13 @@ from ._parts import PANDA_JOINT, PANDA_NAMES, Hand, about, from_base, hand_name,
 WHAT = "YAML"
 
 
-def _numbers(name: str, value: object, count: int) -> list[float]:
-    if not isinstance(value, list) or len(value) != count:
-        raise InputError(f"{name} must be {count} numbers, got {_arrays.shown(value)}")
-    return [_arrays.number(name, one, -_arrays.FAR_M_MAX, _arrays.FAR_M_MAX) for one in value]
-
-
 def _row(name: str, value: object) -> tuple[list[float], float, float, float]:
     """Pose ``[7]`` of the base, confidence, distance between the closed fingers and between the open ones, or NaN."""
     grasp = _arrays.table(name, value)
     turned = _arrays.table(f"{name}.orientation", _arrays.entry(f"{name}.orientation", grasp))
     w, xyz = (_arrays.entry(f"{name}.orientation.{key}", turned) for key in ("w", "xyz"))
-    pose = _numbers(f"{name}.position", _arrays.entry(f"{name}.position", grasp), 3)
-    pose += _numbers(f"{name}.orientation.xyz", xyz, 3) + [_arrays.number(f"{name}.orientation.w", w, -2.0, 2.0)]
-    if abs((length := float(np.linalg.norm(pose[3:]))) - 1.0) > _arrays.RIGID_OFF_MAX:
-        raise InputError(f"{name}.orientation must have the length 1 within {_arrays.RIGID_OFF_MAX:g}, got {length:.4g}")
+    position = _arrays.numbers(f"{name}.position", _arrays.entry(f"{name}.position", grasp), (3,))
+    pose = [*position, *_arrays.numbers(f"{name}.orientation.xyz", xyz, (3,)), _arrays.number(f"{name}.orientation.w", w, -2.0, 2.0)]
     confidence = _arrays.number(f"{name}.confidence", grasp.get("confidence", 1.0), 0.0, 1.0)
 
     def width_m(key: str) -> float:
@@ -56,7 +48,7 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
     _arrays.must(len(grasps) <= GRASPS_MAX, f"grasps must be at most {GRASPS_MAX}, got {len(grasps)}")
     rows = [_row(f"grasps.{str(key)[:60]}", value) for key, value in grasps.items()]
     poses, confidences, widths_m, openings_m = zip(*rows) if rows else ([], [], [], [])
-    bases = _arrays.matrices(np.reshape(np.array(poses, np.float64), (-1, 7)))
+    bases = _arrays.of_quaternions("grasps", np.reshape(np.array(poses, np.float64), (-1, 7)), GRASPS_MAX)
     score, opening = np.array(confidences, np.float64), np.array(openings_m, np.float64)
     # The editor writes 0 for what escaped, 0.5 for what was lost later, 1 for what was kept. Others are a network's.
     held = score == 1.0 if np.isin(score, (0.0, 0.5, 1.0)).all() else None
