@@ -35,8 +35,7 @@ class Judge(nn.Module):
 
     Attributes:
         trained_for: The gripper (of several the range of each number), the approach in metres, and the grid.
-        dataset_id: SHA-256 that names the dataset of its training, or a text if that is not known.
-        config: The recipe of its training, as TOML.
+        dataset_id: SHA-256 of the dataset of its training, if that is known; ``config`` is its recipe, as TOML.
     """
 
     def __init__(self, trained_for: Dataset | Mapping[str, Any]) -> None:

@@ -36,10 +36,8 @@ class VoxelNetwork(nn.Module):
     Args:
         upsampling: ``"linear"`` (trilinear, as in the shipped configs) or ``"nearest"``.
         head: ``"quaternion"``, the paper's, or ``"closings"`` (``network.head`` of a recipe).
-        origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach. Train the
-            network on a :class:`GraspStream` with the same value.
-        voxel_offset: Position of that origin in its voxel along each axis: 0.5, the middle, for networks trained with
-            this package; 0 for VGN's weights.
+        origin_behind_tips_m: From a grasp's origin to the finger tips: that of the :class:`GraspStream` on which it is trained.
+        voxel_offset: Where that origin is in its voxel along each axis: 0.5 for networks trained with this package, 0 for VGN's.
     """
 
     def __init__(

@@ -34,11 +34,9 @@ def annotate(
         test: What the object must bear: ``lift``, ``turn``, ``tug`` or ``shake``.
         shares: Shares of antipodal, normal and displaced grasps.
         margins: Whether to measure the smallest friction and the strongest pull of each that holds.
-        repeats: Number of moved repeats of each that holds.
-        drops: Drops that find the object's stable poses.
+        repeats: Number of moved repeats of each that holds; ``drops`` is that of drops that find the object's stable poses.
         scale: Metres per unit of a mesh; by default guessed from its size.
-        seed: Seed of every draw.
-        threads: Number of threads, by default one per core.
+        seed: Seed of every draw; ``threads`` is the number of threads, by default one per core.
         progress: Is told how many grasps there are; an exception that it raises stops the work.
 
     Warns of what was guessed of a file (unit, mass) and what is unusual about it, as ``info["object"]["warnings"]`` has it. Raises

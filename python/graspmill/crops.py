@@ -28,15 +28,13 @@ class GraspCrops:
     """Grasps as a judge sees them; 81 kB each.
 
     Attributes:
-        crop: ``[N, 8, 20, 28, 4]`` float32: points along x, y, z of the grasp frame, in a box around the volume that
-            the open gripper sweeps. A point has the mean of the observed distances around it (in truncations, −1 to 1;
-            0 where nothing was observed), the share of them that was observed, the height above the table, and the
-            distance to the swept gripper (the last two in units of 30 mm, −1 to 1).
+        crop: ``[N, 8, 20, 28, 4]`` float32: points along x, y, z of the grasp frame, in a box around what the open gripper sweeps.
+            A point has the mean of the observed distances around it (in truncations, −1 to 1; 0 where nothing was observed), their
+            observed share, the height above the table, and the distance to the swept gripper (both in units of 30 mm, −1 to 1).
         context: ``[N, 12, 8, 8, 3]`` float32: the first three of these values in a wider, coarser box around the tips.
-        features: ``[N, 16]`` float32: the upward direction (a unit vector in the grasp frame), the height of the finger
-            tips above the table (in units of 0.1 m), the number of views divided by 6; then, in units of 0.1 m, the
-            opening, the fingers' length, width and thickness, the palm's length, width and breadth, and the approach
-            distance; the friction, the force divided by 20 N minus 1, and a 0.
+        features: ``[N, 16]`` float32: the upward direction (a unit vector in the grasp frame), the height of the tips above the
+            table in units of 0.1 m, the number of views divided by 6; in units of 0.1 m the opening, the fingers' length, width and
+            thickness, the palm's length, width and breadth, and the approach; the friction, the force / 20 N − 1, and a 0.
         hits_table: ``[N]`` bool: the gripper hits the table on its way, so the judge need not be asked.
     """
 

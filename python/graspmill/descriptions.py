@@ -123,8 +123,7 @@ def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, fl
         fingers: The names of the two links, or bodies, that touch the object; +y of the grasp frame is from the first to the second.
         flange: The link whose frame is the robot's flange. By default the description's origin, if the hand stands fixed there.
 
-    Raises:
-        InputError: If MuJoCo is missing, or the description has no such hand; the message names the link, the joint or the file.
+    Raises InputError if MuJoCo is missing, or the description has no such hand; the message names the link, joint or file.
     """
     if (count := 1 if isinstance(fingers, str) else len(fingers)) != 2:
         raise InputError(f"fingers must be two links, got {count}: graspmill has parallel jaws only")

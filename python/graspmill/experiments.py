@@ -33,8 +33,7 @@ class Look:
     Attributes:
         depths: Of each camera the depth image, ``[height, width]`` float32 in metres along its z; 0 or NaN where nothing was seen.
         cameras: The cameras, as :meth:`Planner.plan` takes them.
-        objects: Of each camera the object that each pixel shows in truth, ``[height, width]`` int32, counted from 0; −1 where it shows
-            none. Planners of single objects are given this; leave it alone to test one that segments.
+        objects: Of each camera the object that each pixel shows in truth, ``[height, width]`` int32, from 0; −1 where it shows none.
         object_count: Number of objects on the table; some may be hidden.
         failed: ``[N, 4, 4]``, hands that failed on this scene, if the experiment tells them (``stop.avoid_failed``).
         down: The direction of gravity, ``[3]``.
@@ -102,20 +101,17 @@ def experiment(
     Args:
         out: The folder of the experiment; created if missing.
         config: ``"pile"`` or the path of an experiment's file (``configs/experiment``).
-        planner: A function that is shown a :class:`Look` and returns grasps: a :class:`Plan`, or a tuple of poses ``[N, 4, 4]`` or
-            ``[N, 7]`` and scores ``[N]``, in the frame of the look: the origin midway between the finger tips, +z the approach, +y
-            the closing direction; and, if it knows them, widths ``[N]`` of what is held, in metres. The grasp with the highest
-            score is executed; of a plan the first. By default our planner.
-        name: What tells the function's results from those of another: a folder continues with the same name only. By default the
-            function's own.
+        planner: A function of a :class:`Look` that returns a :class:`Plan`, or a tuple of grasps in the frame of the look: poses
+            ``[N, 4, 4]`` or ``[N, 7]``, scores ``[N]`` and, if it knows them, widths ``[N]`` of what is held, in metres. The grasp
+            with the highest score is executed; of a plan the first. By default our planner.
+        name: What tells its results from those of another: a folder continues with the same name only. By default the function's.
         rounds: Rounds of a seed, and ``seed`` the only seed of the scenes, in place of the config's.
         settings: Other keys of the experiment, ``{"noise.kind": "d435"}``, and of the planner, ``{"plan.gripper": "franka_hand"}``.
         threads: Rounds at once, by default one per core; it changes times, not results.
         progress: A function of the rounds that are done, of all, and of the grasps that held; an exception that it raises stops the work.
 
-    Raises InputError if the config is wrong, or the folder holds another experiment; DataError if its journal was damaged;
-    OutsideError if the disk fails, or the function raises it, and KeyboardInterrupt after Ctrl-C: finished rounds are kept, and the
-    same call continues.
+    Raises InputError if the config is wrong, or the folder holds another experiment; DataError if its journal was damaged. After
+    OutsideError (the disk fails, or the function raises it) and KeyboardInterrupt the same call continues with the next rounds.
 
     The function runs on the caller's thread, for one scene at a time. If it raises an ``Exception`` or returns anything else, the
     **round** is over (``no_answer``, with the reason in ``journal.jsonl``), not the run. No grasps are an answer.

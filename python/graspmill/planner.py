@@ -24,10 +24,8 @@ class PlanOptions(TypedDict, total=False):
     """Options of a plan. Points, poses and directions are in the workspace.
 
     Attributes:
-        workspace_size_m: Side of the workspace, 0.2 to 1.2. By default networks of voxels look at 0.3 m, and a judge at all that
-            is seen within the reach of its settings.
-        down: The direction of gravity ``[3]`` in the frame of the first camera or the cloud, to find the table; by default the
-            camera is believed to stand upright and to look down.
+        workspace_size_m: Side of the workspace, 0.2 to 1.2; by default 0.3 of networks of voxels, of a judge all within its reach.
+        down: The direction of gravity ``[3]`` for the first camera or the cloud; by default it stands upright and looks down.
         base_from_camera: ``[4, 4]``, ``[7]`` or ``[3]``, the first camera or the cloud's, where the table is found: grasps are also
             given in the robot's base, and gravity is along its -z unless ``down`` is given.
         base_from_workspace: ``[4, 4]``, ``[7]`` or ``[3]``: grasps are also given in the robot's base.
@@ -37,15 +35,12 @@ class PlanOptions(TypedDict, total=False):
         grasps_max: The largest number of grasps, 1 to 10000.
         explain: Whether ``answer`` has the dropped candidates, with reasons.
         avoid: Poses ``[N, 4, 4]`` or ``[N, 7]`` of grasps that failed.
-        avoid_objects: ``[N, 4]``: points and radii of things to be left for now, where the finger tips may not be. As ``avoid``, in the
-            first camera's frame where the table is found.
+        avoid_objects: ``[N, 4]``: points and radii where the tips may not be; as ``avoid`` of the first camera if it finds the table.
         target_m: ``[3]``: only the object at this point is grasped.
         approach: A direction ``[3]`` and the largest angle from it, in radians.
-        keep_out: ``[N, 4]``: planes that the open gripper must not cross. Each is a normal, which points to the allowed
-            side, and an offset in metres.
+        keep_out: ``[N, 4]``: planes that the open gripper must not cross: normals to the allowed side, and offsets in metres.
         reach: The lower and upper corner of a box for the finger tips, ``[2, 3]``.
-        accept: A function of ``workspace_from_grasp``, ``[4, 4]``, that returns whether the grasp can be used, such as
-            whether your arm reaches it. The plan raises what it raises.
+        accept: A function of ``workspace_from_grasp``, ``[4, 4]``: whether the grasp can be used, such as whether your arm reaches it.
         accept_batch: The same for many grasps at once: a function of ``[N, 4, 4]`` that returns ``[N]`` bool, in place of ``accept``.
 
     Both are called on the thread that plans. With a judge they are called for every candidate before the judge is asked: until 256

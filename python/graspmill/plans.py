@@ -32,15 +32,12 @@ class PlanFileOptions(TypedDict, total=False):
     """Options of a plan's file.
 
     Attributes:
-        frame: The frame of the poses: ``"base"``, ``"camera"`` or ``"workspace"``; by default the first of these that the
-            plan knows.
+        frame: The frame of the poses: ``"base"``, ``"camera"`` or ``"workspace"``; by default the first that the plan knows.
         frame_id: The name of that frame in the file, such as that of a TF frame; by default ``frame``. GraspNet has none.
         gripper: The hand, where the plan's has no ``flange_from_grasp``; of moveit also the force of its fingers.
         base_to_tips_m: From the base of the hand, or moveit's parent link, to its tips. GraspNet does not need it.
-        closing_axis: The axis of the base frame along which the hand closes, ``"x"`` or ``"y"``, by default ``"y"``; for
-            moveit it goes with ``base_to_tips_m``.
-        joints: Of moveit: names of the fingers' joints, and how far each moves, in metres, for a metre between the
-            fingers; by default those of a Franka hand, and none of another.
+        closing_axis: Along which axis of the base the hand closes, by default ``"y"``; of moveit it goes with ``base_to_tips_m``.
+        joints: Of moveit: the fingers' joints, and how far each moves for a metre between them; by default of a Franka hand alone.
     """
 
     frame: Frame | None
@@ -56,18 +53,15 @@ class Grasp:
 
     Attributes:
         workspace_from_grasp: ``[4, 4]``; +z is the approach, +y the closing direction, the origin midway between the finger tips.
-        width_m: Distance between the fingers' inner faces when holding, as seen between them or as a network of voxels answers;
-            ``None`` where an end of it was not seen.
+        width_m: Distance between the fingers when holding, as seen or as a network answers; ``None`` where an end was not seen.
         opening_m: How far to open the gripper: for what is between the fingers and some room, or all the way.
         quality: A judge's probability that the grasp holds, or the network's smoothed quality; 0 to 1.
         object: Index into the plan's objects, or ``None``.
         camera_from_grasp: ``[4, 4]`` in the optical frame of the first camera, or of a cloud's camera if the table was found.
         width_seen_share: Share of the ends of what is between the fingers that were seen; ``None`` if nothing was measured.
-        robustness: If it holds, the share of repeats with heavier objects, less friction and slightly moved grasps that would
-            hold, too, as a judge expects it; ``None`` of networks that did not learn it.
+        robustness: If it holds, the share of repeats (heavier, smoother, moved) that a judge expects to hold; ``None`` if not learned.
         base_from_grasp: ``[4, 4]`` in the robot's base, if that was given, by ``base_from_workspace`` or ``base_from_camera``.
-        workspace_from_flange: ``[4, 4]``, if the gripper has a ``flange_from_grasp``.
-        base_from_flange: ``[4, 4]``, if both are known.
+        workspace_from_flange: ``[4, 4]``, if the gripper has a ``flange_from_grasp``; ``base_from_flange``, if both are known.
     """
 
     workspace_from_grasp: NDArray[np.float64]
@@ -102,7 +96,7 @@ class Plan(Immutable, Sequence[Grasp]):
     @property
     def _source(self) -> _native.Plan:
         if self._drawn is None:
-            raise InputError("the plan was pickled or read, and so has no page and no overlay: make them in the process that made it")
+            raise InputError("the plan was pickled or read, and so has no page, overlay or labels: make them in the process that made it")
         return self._drawn
 
     def __getstate__(self) -> dict[str, Any]:
@@ -207,9 +201,7 @@ class Plan(Immutable, Sequence[Grasp]):
 
     def labels(self) -> NDArray[np.int32]:
         """What each point of :meth:`cloud` is of, ``[N]``: an object's index, −1 for noise, −2 for the table; not of a pickled plan."""
-        if self._drawn is None:
-            raise InputError("the plan was pickled or read, and so has no labels: take them in the process that made the plan")
-        return self._drawn.labels()
+        return self._source.labels()
 
     def page(self, title: str = "") -> Page:
         """The scene and its grasps as a page, to be turned about. A plan that was pickled cannot be shown."""

@@ -99,8 +99,7 @@ class Object(Immutable):
             shape: Name of the shape.
             extents_m: Full lengths along its axes, ``[3]``.
             pose: ``workspace_from_object``, ``[4, 4]``, ``[7]`` or ``[3]``.
-            mass_kg: Mass; by default that of a density of 500 kg/m³.
-            friction: Coulomb coefficient.
+            mass_kg: Mass; by default that of a density of 500 kg/m³. ``friction`` is a Coulomb coefficient.
         """
         extents = [float(part) for part in _arrays.floats("extents_m", extents_m, (3,))]
         return cls._of(_native.Body.solid(_arrays.text("shape", shape), extents), pose, mass_kg, friction)
@@ -122,8 +121,7 @@ class Object(Immutable):
                 as a ``trimesh.Trimesh``.
             pose: ``workspace_from_mesh``: the pose of the mesh's own frame.
             name: Its name in messages.
-            parts_max: The largest number of convex parts, 1 to 1024.
-            corners_max: The largest number of corners of a part, 8 to 256.
+            parts_max: The largest number of convex parts, 1 to 1024, and ``corners_max`` of corners of a part, 8 to 256.
             tolerance_m: The mesh is cut into more parts until they leave its surface by no more than this, in metres.
 
         Warns:
@@ -259,8 +257,7 @@ class Scene(Immutable):
         stay interpenetrating.
 
         Args:
-            drop: Whether the objects fall one after the other into a box around the workspace, as in generated piles. Otherwise all
-                are released at their poses.
+            drop: Whether they fall one after the other into a box around the workspace, as in generated piles, or all at once.
             settings: Keys of a generator's config, such as ``{"settle.time_s_max": 8.0}``.
 
         Raises DataError if they do not come to rest, or are thrown apart.
@@ -371,11 +368,9 @@ def execute(
     Args:
         scene: Objects at rest.
         grasps: ``workspace_from_grasp``, matrices ``[N, 4, 4]`` or positions and quaternions ``[N, 7]``.
-        gripper: A :class:`Gripper`, the name of a built-in one, such as ``"franka_hand"``, or the path of a file. By default that
-            of a stored scene, else ``parallel_jaw_80``.
+        gripper: A :class:`Gripper`, a built-in one's name or a file's path; by default the stored scene's, else ``parallel_jaw_80``.
         targets: ``[N]``, the object that each grasp is for; by default the one nearest to the finger tips.
-        settings: Keys of a generator's config, such as ``{"procedure.hold_time_s": 1.0}``; the other keys are those of a stored
-            scene, else the paper's.
+        settings: Keys of a generator's config, ``{"procedure.hold_time_s": 1.0}``; others are the stored scene's, else the paper's.
         threads: Number of threads, by default one per core; 1 is the caller's own thread.
 
     Raises InputError if an argument is wrong; the message names it.

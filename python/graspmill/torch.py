@@ -117,19 +117,17 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         path: A dataset, or its folder or URL (for workers and a URL: ``multiprocessing_context="spawn"``).
         split: ``"train"``, ``"test"`` (the test set that ``by`` selects), ``"test-attempts"``, ``"test-scenes"`` or ``"all"``.
         batch: Number of samples in a batch; of several ranks, in that of a rank.
-        samples_per_scene: The largest number of samples of a scene that stay together and share its grid; by default 8, or
-            ``batch`` if that is smaller.
+        samples_per_scene: The most samples of a scene that stay together and share its grid; by default 8, or ``batch`` if smaller.
         buffer_scenes: Number of such groups that are shuffled with each other.
         shuffle: Whether the order is shuffled; otherwise it is the stored one.
         by: Whether the test set is of single attempts, as in the paper, or of whole scenes.
         test_share: Share of all samples in that test set, and ``other_share`` in the other one.
         seed: Seed of the split (1 in the trainer's recipes) and of the order.
-        origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach; it decides which
-            voxel a grasp belongs to (``network.origin_behind_tips_m`` of a recipe). By default 0.05, as in the shipped recipes.
+        origin_behind_tips_m: From a grasp's origin, whose voxel it belongs to, to the finger tips; by default 0.05, as in recipes.
         rank: The number of this rank, from 0, of ``world_size``; by default as ``torch.distributed`` has them, if initialised.
         global_batch: Whether ``batch`` is that of all ranks together, who take a slice each. Ranks then read scenes of all shards.
 
-    Raises InputError if an argument is wrong; while it is read, if a rank would have no sample at a step.
+    Raises InputError if a rank would have no sample at a step.
     """
 
     _has_crops: bool

@@ -42,8 +42,7 @@ def read(
         base_to_tips_m: From the origin of the file's frame to the tips of the hand, along the approach. By default 0.1122 m for
             ACRONYM and ``gripper.depth`` of the file for GraspGen. isaac_grasp has none: give it, or ``gripper``.
         gripper: The hand: its distance is z of ``flange_from_grasp``, or else the length of finger and palm.
-        closing_axis: The axis of the file's frame along which the hand closes: by default ``"x"`` for ACRONYM and GraspGen, ``"y"``
-            for isaac_grasp.
+        closing_axis: Along which axis of the file's frame the hand closes: by default ``"x"``, for isaac_grasp ``"y"``.
 
     Raises InputError if the file is damaged or of something else, or the distance is not known.
     """
