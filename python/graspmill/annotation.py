@@ -28,9 +28,8 @@ def annotate(
         object: An object, whose pose does not matter; or the path of a mesh, a URDF or an MJCF (which need MuJoCo: ``pip install
             graspmill[descriptions]``) or a catalogue of one object.
         gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file; ``parallel_jaw_80`` by default.
-        grasps: Number of grasps; with ``held_only`` of those that hold.
+        grasps: Number of grasps; with ``held_only`` only those that hold count and are kept.
         given: Grasps of somebody else to be labelled instead, ``object_from_grasp``, ``[N, 4, 4]`` or ``[N, 7]``.
-        held_only: Whether to go on until so many hold, and to keep only those.
         test: What the object must bear: ``lift``, ``turn``, ``tug`` or ``shake``.
         shares: Shares of antipodal, normal and displaced grasps.
         margins: Whether to measure the smallest friction and the strongest pull of each that holds.

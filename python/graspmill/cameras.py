@@ -86,7 +86,6 @@ class Camera:
         Args:
             eye_m: Its position, ``[3]`` in the workspace, in metres.
             target_m: The point that it looks at, ``[3]``; by default the middle of the table.
-            focal_px: Focal length, in pixels.
         """
         eye, target = (_arrays.floats(name, value, (3,)).astype(np.float64) for name, value in (("eye_m", eye_m), ("target_m", target_m)))
         forward = target - eye

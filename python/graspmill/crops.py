@@ -58,10 +58,7 @@ def grasp_crops(
         workspace_from_grasp: Poses, ``[N, 4, 4]`` or ``[N, 7]``, at most 100000.
         gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file; by default ``parallel_jaw_80``.
         views: The number of cameras that saw the scene, 1 to 32.
-        voxel_size_m: Side of a voxel; the shipped judges were trained with 7.5 mm.
-        table_z_m: Height of the table's top.
-
-    Raises InputError if an argument has another shape or is no pose.
+        voxel_size_m: Side of a voxel; the shipped judges were trained with 7.5 mm. ``table_z_m`` is the height of the table's top.
     """
     values = _arrays.floats("tsdf", tsdf, (None, None, None), " (x, y, z)")
     side, shape = len(values), list(values.shape)

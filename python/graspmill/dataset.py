@@ -142,8 +142,6 @@ class StoredScene:
     def export(self, folder: str | os.PathLike[str], format: str = "mjcf") -> None:
         """Writes the scene for a simulator into a folder, as ``graspmill dataset export`` does (``docs/exporting.md``): ``"mjcf"``
         for MuJoCo, ``"urdf"`` for PyBullet and others, ``"usda"`` for Isaac Sim and others. Files of the same names are replaced.
-
-        Raises InputError if there is no such format, or no folder can be made there.
         """
         from .formats.scenes import export_scene, outside
 

@@ -38,7 +38,6 @@ class HandBoxes:
     :class:`Gripper`.
 
     Attributes:
-        path: The description.
         opening_m_min: Distance of the inner faces with the joints at their other limit.
         flange_from_grasp: ``[4, 4]``, the grasp frame in the frame of the link ``flange``; ``None`` if it is not known.
     """

@@ -32,8 +32,6 @@ class Gripper:
         flange_from_grasp: The grasp frame in the frame of the robot's flange, ``[4, 4]``, ``[7]`` or ``[3]``; with it, plans also
             have the poses of the flange.
         finger_tip: Thickness and length of the part of the fingers at their tips that is thinner, if there is one.
-
-    Raises InputError if a number is outside its limits; the message names it.
     """
 
     name: str

@@ -61,8 +61,6 @@ class ObjectGrasps:
         base_to_tips_m: From the hand's base to its tips, along the approach; ``None`` if it is not known.
         info: What else is known: the object, the hand, the test, the settings (``NAME.json``).
         opening_m: ``[N]``, metres between the fingers before closing, where each grasp has its own.
-
-    Raises InputError if an array has a wrong shape, or a pose is not rigid; the message names it.
     """
 
     name: str
@@ -116,10 +114,7 @@ class ObjectGrasps:
         return f"ObjectGrasps({self.name!r}: {len(self):,} grasps, {held})"
 
     def subset(self, which: ArrayLike) -> ObjectGrasps:
-        """Some of the grasps, such as ``grasps.subset(grasps.held)``: ``which`` is ``[N]`` bool, or numbers of grasps.
-
-        Raises InputError if it is neither, or a number is too large.
-        """
+        """Some of the grasps, such as ``grasps.subset(grasps.held)``: ``which`` is ``[N]`` bool, or numbers of grasps."""
         chosen = _arrays.given("which", which)
         chosen = chosen.astype(np.intp) if chosen.size == 0 and chosen.dtype.kind == "f" else chosen
         is_fit = chosen.ndim == 1 and chosen.dtype.kind in "biu"

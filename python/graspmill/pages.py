@@ -12,11 +12,7 @@ from . import _arrays, _native
 
 @dataclass(frozen=True)
 class Page:
-    """A self-contained HTML page. Notebooks show it.
-
-    Attributes:
-        html: The text of the page.
-    """
+    """A self-contained HTML page, whose text is ``html``. Notebooks show it."""
 
     html: str
 

@@ -43,9 +43,9 @@ class PlanOptions(TypedDict, total=False):
         accept: A function of ``workspace_from_grasp``, ``[4, 4]``: whether the grasp can be used, such as whether your arm reaches it.
         accept_batch: The same for many grasps at once: a function of ``[N, 4, 4]`` that returns ``[N]`` bool, in place of ``accept``.
 
-    Both are called on the thread that plans. With a judge they are called for every candidate before the judge is asked: until 256
-    are accepted or ten calls of ``accept_batch`` found no more, and again up to three times if few are good. With the other
-    networks they are called for the grasps that these found. Ctrl-C ends such a plan at once, and another when it is made.
+    Both are called on the thread that plans, which raises what they raise: for every candidate before a judge is asked (until 256
+    are accepted or ten calls of ``accept_batch`` found no more, and again up to three times if few are good), or for the grasps
+    that another network found. Ctrl-C ends such a plan at once, and another when it is made.
     """
 
     workspace_size_m: float | None
@@ -225,8 +225,8 @@ class Planner(Immutable):
 
 def _accepted(value: Any, count: int) -> list[bool]:
     array = _arrays.given("what accept_batch returns", value)
-    if array.dtype.kind != "b" or array.shape != (count,):
-        raise InputError(f"what accept_batch returns must be bool [{count}], got {array.dtype} {list(array.shape)}")
+    is_fit = array.dtype.kind == "b" and array.shape == (count,)
+    _arrays.must(is_fit, f"what accept_batch returns must be bool [{count}], got {_arrays.kind(array)}")
     return [bool(one) for one in array]
 
 
@@ -271,9 +271,8 @@ def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[
             fitting.append(None)
             continue
         array = _arrays.given(f"mask {number}", mask)
-        if array.dtype.kind not in "bu" or array.shape != image.shape:
-            rule = f"bool or uint8 of its image's shape, {list(image.shape)}"
-            raise InputError(f"mask {number} must be {rule}, got {array.dtype} {list(array.shape)}")
+        is_fit = array.dtype.kind in "bu" and array.shape == image.shape
+        _arrays.must(is_fit, f"mask {number} must be bool or uint8 of its image's shape, {list(image.shape)}, got {_arrays.kind(array)}")
         fitting.append(np.ascontiguousarray(array != 0))
     _arrays.must(any(mask is not None for mask in fitting), "at least one image must have a mask, got none")
     return fitting

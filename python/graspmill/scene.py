@@ -289,10 +289,8 @@ def tsdf(depths: Sequence[ArrayLike], cameras: Sequence[Camera], *, resolution: 
     """Fuses depth images into a TSDF in VGN's values, ``[resolution] * 3`` (x, y, z), float32.
 
     Args:
-        depths: Images, ``[height, width]`` each, in metres; 0 or NaN where nothing was seen.
-        cameras: The camera of each image.
-        resolution: Voxels along a side, 2 to 256.
-        size_m: Side of the workspace in metres.
+        depths: Images, ``[height, width]`` each, in metres, of the ``cameras``; 0 or NaN where nothing was seen.
+        resolution: Voxels along a side, 2 to 256, of a workspace of ``size_m`` metres.
     """
     images, cameras = _images(depths, cameras)
     lenses, poses = [camera._intrinsics() for camera in cameras], [camera._pose() for camera in cameras]
@@ -372,8 +370,6 @@ def execute(
         targets: ``[N]``, the object that each grasp is for; by default the one nearest to the finger tips.
         settings: Keys of a generator's config, ``{"procedure.hold_time_s": 1.0}``; others are the stored scene's, else the paper's.
         threads: Number of threads, by default one per core; 1 is the caller's own thread.
-
-    Raises InputError if an argument is wrong; the message names it.
     """
     _arrays.must(isinstance(scene, Scene), "scene must be a graspmill.Scene", scene)
     rows = _arrays.poses("grasps", grasps)

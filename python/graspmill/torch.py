@@ -268,9 +268,6 @@ class GraspStream(_Stream[Batch]):
 
 
 class GraspCropStream(_Stream[GraspCropBatch]):
-    """Batches of crops of grasps, as a judge sees them. A shuffled stream mirrors them at random, as the trainer does.
-
-    The arguments are those of :class:`GraspStream`.
-    """
+    """Batches of crops of grasps, as a judge sees them: a :class:`GraspStream` that, if it shuffles, mirrors them as the trainer does."""
 
     _has_crops = True

@@ -31,14 +31,12 @@ def read(
     path: str | os.PathLike[str], format: Format | Literal["parquet"] | None = None, base_to_tips_m: float | None = None,
     gripper: GripperLike | None = None, closing_axis: Axis | None = None,
 ) -> ObjectGrasps:  # fmt: skip
-    """Grasps of a file by others, in our frame; what the file does not say is NaN or ``None``. ``docs/exporting.md`` has their
-    frames.
+    """Grasps of a file by others, in our frame (``docs/exporting.md``); what the file does not say is NaN or ``None``.
 
     Args:
         path: The file.
-        format: ``"acronym"`` (needs h5py), ``"graspgen"``, ``"isaac_grasp"`` (needs PyYAML), ``"molmospaces"``, ``"graspnet"``, or
-            ``"parquet"`` for :meth:`ObjectGrasps.load`; by default that of the path's ending: .h5, .json, .yaml, .npz, .npy or
-            .parquet.
+        format: ``"acronym"`` (.h5, needs h5py), ``"graspgen"`` (.json), ``"isaac_grasp"`` (.yaml, needs PyYAML), ``"molmospaces"``
+            (.npz), ``"graspnet"`` (.npy) or ``"parquet"`` (:meth:`ObjectGrasps.load`); by default that of the path's ending.
         base_to_tips_m: From the origin of the file's frame to the tips of the hand, along the approach. By default 0.1122 m for
             ACRONYM and ``gripper.depth`` of the file for GraspGen. isaac_grasp has none: give it, or ``gripper``.
         gripper: The hand: its distance is z of ``flange_from_grasp``, or else the length of finger and palm.

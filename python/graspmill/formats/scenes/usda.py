@@ -111,8 +111,7 @@ def _scene(world: World) -> list[str]:
 
 
 def _hand(world: World) -> list[str]:
-    """A palm with two fingers that slide, in the grasp frame. A finger's drive has its full force at rest and none at its
-    speed, as in our physics."""
+    """A palm with two fingers that slide, as in :mod:`.mjcf`."""
     prims = [_prim("Scope", "materials", [], _material("hand", world.hand[0].friction))]
     prims += [_body(body, _shape("box", body.parts[body.name], "/hand/materials/hand")) for body in world.hand]
     # A joint slides along its frames' +y; half a turn about z makes that the workspace's −y.
