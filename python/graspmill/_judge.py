@@ -16,7 +16,7 @@ from ._batches import GraspCropBatch, conv
 from ._checkpoint import HEADER, RECIPE, UNKNOWN, save_checkpoint
 from .crops import FEATURES
 from .dataset import Dataset
-from .errors import DataError, InputError
+from .errors import InputError
 from .scene import OUTCOMES
 
 _ARCHITECTURE = "hand-judge-1"

@@ -14,7 +14,6 @@ from torch import Tensor, nn
 from . import _arrays
 from ._batches import Batch, conv
 from ._checkpoint import HEADER, save_checkpoint
-from .errors import InputError
 
 #: Closing directions that a network with ``head="closings"`` tells apart, over half a turn.
 TURNS = 15
@@ -102,10 +101,9 @@ class VoxelNetwork(nn.Module):
     def load(cls, path: str | os.PathLike[str]) -> VoxelNetwork:
         """The network with the weights, the upsampling and the origin of a file.
 
-        Args:
-            path: A checkpoint; or a state dict of VGN's network, as safetensors or of ``torch.save``, alone or under
-                ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so VGN's are used:
-                nearest upsampling, and the origin 50 mm behind the finger tips, in the lower corner of its voxel.
+        It is a checkpoint, or a state dict of VGN's network, as safetensors or of ``torch.save``, alone or under ``"state_dict"``,
+        ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so VGN's are used: nearest upsampling, and the
+        origin 50 mm behind the finger tips, in the lower corner of its voxel.
         """
         stated: dict[str, Any] = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
         with open(path, "rb") as file:

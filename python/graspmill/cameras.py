@@ -64,7 +64,6 @@ class Camera:
         Args:
             K: ``[3, 3]``, ``[9]`` row by row, or ``[3, 4]`` with a last column of 0; fx, fy, cx, cy in pixels, and no skew.
             shape: Height and width of the images: ``depth.shape``.
-            workspace_from_camera: Its pose, of axes by ``convention``, as of :class:`Camera`.
         """
         given = _arrays.given("K", K)
         given = given.reshape(3, 3) if given.shape == (9,) else given

@@ -108,15 +108,12 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class StoredScene:
-    """A scene of a dataset with its attempts.
+    """A scene of a dataset, whose number is ``scene_id``, the ``cameras`` that saw it and the ``outcomes`` of its attempts.
 
     Attributes:
-        scene_id: Its number.
         scene: Its objects at rest. :func:`graspmill.execute` uses the simulation of the dataset for it.
-        cameras: The cameras that saw it.
         tsdf: ``[resolution] * 3`` float32 (x, y, z) in VGN's values: (tsdf + 1) / 2 where observed, else 0.
         workspace_from_grasp: ``[N, 7]`` float32, the poses of its attempts: position in metres, quaternion x, y, z, w.
-        outcomes: The outcomes of its attempts.
         rules: ``[N]``, the names of the rules by which the attempts were drawn.
     """
 
@@ -160,9 +157,6 @@ class StoredScene:
 class Dataset:
     """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``). Rows are read on request. A
     pickled dataset is opened again where it is unpickled.
-
-    Args:
-        path: Its folder or URL.
 
     Raises InputError if there is no dataset; IncompleteError if shards are missing; DataError if it is visibly damaged.
     """

@@ -41,12 +41,10 @@ class ObjectGrasps:
         object_from_grasp: ``[N, 4, 4]``: +z approach, +y closing direction, origin midway between the tips, in metres.
         held: ``[N]`` bool, whether the object bore the test in the hand; ``None`` where a file has no labels.
         outcome: ``[N]``, names of ``graspmill.OUTCOMES``; ``None`` where a file has none.
-        file: The mesh that the object was read from.
-        scale_m: Metres per unit of that file.
+        file: The mesh that the object was read from; ``scale_m`` is metres per unit of that file.
         source: ``[N]``, how each was drawn: ``antipodal``, ``normal``, ``displaced``, or ``given`` by others.
         width_m: ``[N]`` metres between the fingers after closing.
-        contacts_m: ``[N, 2, 3]``, where the left (−y) and the right finger press, in the object's frame.
-        normals: ``[N, 2, 3]``, the object's outward normals there.
+        contacts_m: ``[N, 2, 3]``, where the left (−y) and the right finger press, and ``normals``, the object's outward ones there.
         closing_moved_m: ``[N]``, how far the centre of mass moved (ACRONYM's may be the frame's origin) while the hand closed, and
             ``closing_turned_rad``, how far the object turned.
         test_moved_m: ``[N]``, how far it was moved in the hand at the end of the test, and ``test_turned_rad``, how far it was

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _native
 from .cameras import Camera
-from .errors import InputError
 from .grippers import GripperLike
 from .plans import Plan
 from .scene import Immutable, _images, _simulation
@@ -79,9 +78,8 @@ def _request(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
     given = {name: value for name, value in options.items() if value is not None}
     functions = {name: given.pop(name, None) for name in ("accept", "accept_batch")}
     for name, function in functions.items():
-        if function is not None and not callable(function):
-            what = "poses" if name == "accept_batch" else "a pose"
-            raise InputError(f"{name} must be a function of {what}, got {_arrays.shown(function)}")
+        what = "poses" if name == "accept_batch" else "a pose"
+        _arrays.must(function is None or callable(function), f"{name} must be a function of {what}", function)
     _arrays.must(None in functions.values(), "accept and accept_batch must not both be given")
     text = json.dumps({name: _encoded(name, value) for name, value in given.items()})
     return {"options": text, "finds_table": finds_table, "is_asked": any(one is not None for one in functions.values()), **functions}

@@ -185,8 +185,7 @@ class Plan(Immutable, Sequence[Grasp]):
     def overlay(self, image: ArrayLike | None = None) -> bytes:
         """The best grasps in the image of the first camera, as a PNG. A plan that was pickled cannot be drawn.
 
-        Args:
-            image: ``[height, width, 3]`` uint8, in the colours red, green, blue; by default the depth image in grey.
+        ``image`` is ``[height, width, 3]`` uint8, in the colours red, green, blue; by default the depth image in grey.
         """
         if image is None:
             return self._source.overlay(None)
@@ -212,7 +211,6 @@ class Plan(Immutable, Sequence[Grasp]):
         it is replaced by the whole one.
 
         Args:
-            path: The file.
             format: ``"isaac_grasp"`` (by default for .yaml), ``"graspnet"`` (.npy), or ``"moveit"`` (needs PyYAML): the messages of
                 :meth:`moveit_grasps` in a list ``grasps``. ``docs/exporting.md`` has the frames.
 

@@ -54,7 +54,6 @@ class Object(Immutable):
     """An object: a shape with mass and friction, at a pose. Make one with :meth:`cuboid`, :meth:`solid` or :meth:`mesh`.
 
     Attributes:
-        mass_kg: Mass.
         friction: Coulomb coefficient; a contact multiplies it by that of the gripper or the table.
         workspace_from_object: Its pose, ``[4, 4]``. The origin of its frame is the centre of its bounding box.
     """
@@ -181,13 +180,8 @@ class Container(Immutable):
 
 
 class Scene(Immutable):
-    """Objects on a table, or in a container on it.
-
-    Args:
-        objects: The objects at their poses; :meth:`settle` lets them come to rest.
-        table_z_m: Height of the table's top in the workspace, in metres; 0.05 in the shipped configs.
-        container: What they lie in, if anything.
-    """
+    """Objects at their poses on a table, or in a container on it; :meth:`settle` lets them come to rest. ``table_z_m`` is the height
+    of the table's top in the workspace, in metres; 0.05 in the shipped configs."""
 
     def __init__(self, objects: Iterable[Object], *, table_z_m: float = 0.05, container: Container | None = None) -> None:
         _arrays.must(container is None or isinstance(container, Container), "container must be a graspmill.Container", container)
@@ -325,8 +319,7 @@ class Outcomes:
     Attributes:
         outcome: ``[N]`` uint8, numbers of :data:`OUTCOMES`.
         width_m: ``[N]`` float32, the opening between the fingers at the end; NaN where they never closed.
-        hit: ``[N]`` int8, what was hit, a number of :data:`HITS`; -1 for nothing.
-        hit_object: ``[N]`` int32, which object was hit; -1 for none.
+        hit: ``[N]`` int8, what was hit, a number of :data:`HITS`, and ``hit_object``, int32, which object; -1 for none.
         target: ``[N]`` uint32, the object that each grasp was meant to hold.
     """
 

@@ -256,8 +256,7 @@ def _place(rank: int | None, world_size: int | None) -> tuple[int, int] | None:
     if rank is None and world_size is None:
         is_there = torch.distributed.is_available() and torch.distributed.is_initialized()
         return (torch.distributed.get_rank(), torch.distributed.get_world_size()) if is_there else None
-    if rank is None or world_size is None:
-        raise InputError(f"rank and world_size must be given together, got {rank} and {world_size}")
+    _arrays.must(None not in (rank, world_size), f"rank and world_size must be given together, got {rank} and {world_size}")
     ranks = _arrays.whole("world_size", world_size, 1, 65_536)
     return _arrays.whole("rank", rank, 0, ranks - 1), ranks
 

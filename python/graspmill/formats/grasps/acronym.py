@@ -53,8 +53,7 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
         solid = {ours: value(f"object/{theirs}", shape) for ours, (theirs, shape) in SOLID.items()}
         scale_m, opening = value("object/scale", ()), value("gripper/configuration", (1,))
         mesh, kind = value("object/file"), value("gripper/type")
-    if mesh is None or scale_m is None:
-        raise InputError(f"object/{'file' if mesh is None else 'scale'} must be in the file, got none")
+    _arrays.must(mesh is not None and scale_m is not None, f"object/{'file' if mesh is None else 'scale'} must be in the file, got none")
     if solid["inertia_kg_m2"] is not None:
         solid["inertia_kg_m2"] = _products_negated(solid["inertia_kg_m2"])
     known = {key: one.tolist() for key, one in solid.items() if one is not None}

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from ... import _arrays
-from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, ObjectGrasps
 from ._parts import Hand, about, array, good, part
 

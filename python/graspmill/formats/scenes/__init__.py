@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Callable
 
 from ... import _arrays, _native
-from ...errors import InputError
 from ...scene import OUTCOMES
 from .._files import as_json, outside as outside, part, write as write_file
 from . import mjcf, urdf, usda
