@@ -24,7 +24,7 @@ class PlanOptions(TypedDict, total=False):
 
     Attributes:
         workspace_size_m: Side of the workspace, 0.2 to 1.2; by default 0.3 of networks of voxels, of a judge all within its reach.
-        down: The direction of gravity ``[3]`` for the first camera or the cloud; by default it stands upright and looks down.
+        down: The direction of gravity ``[3]`` in the first camera's or the cloud's frame; by default it stands upright and looks down.
         base_from_camera: ``[4, 4]``, ``[7]`` or ``[3]``, the first camera or the cloud's, where the table is found: grasps are also
             given in the robot's base, and gravity is along its -z unless ``down`` is given.
         base_from_workspace: ``[4, 4]``, ``[7]`` or ``[3]``: grasps are also given in the robot's base.
@@ -34,7 +34,7 @@ class PlanOptions(TypedDict, total=False):
         grasps_max: The largest number of grasps, 1 to 10000.
         explain: Whether ``answer`` has the dropped candidates, with reasons.
         avoid: Poses ``[N, 4, 4]`` or ``[N, 7]`` of grasps that failed.
-        avoid_objects: ``[N, 4]``: points and radii where the tips may not be; as ``avoid`` of the first camera if it finds the table.
+        avoid_objects: ``[N, 4]``: points and radii where no tips may be; as ``avoid`` in the first camera's frame if the table is found.
         target_m: ``[3]``: only the object at this point is grasped.
         approach: A direction ``[3]`` and the largest angle from it, in radians.
         keep_out: ``[N, 4]``: planes that the open gripper must not cross: normals to the allowed side, and offsets in metres.
