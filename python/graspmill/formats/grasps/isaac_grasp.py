@@ -18,13 +18,19 @@ from ._parts import PANDA_JOINT, PANDA_NAMES, Hand, about, from_base, hand_name,
 WHAT = "YAML"
 
 
+def _three(name: str, value: object) -> list[float]:
+    _arrays.must(isinstance(value, list) and len(value) == 3, f"{name} must be 3 numbers", value)
+    # YAML reads 1e-9 as a word.
+    return [_arrays.number(name, one, -_arrays.FAR_M_MAX, _arrays.FAR_M_MAX) for one in _arrays.listed(name, value)]
+
+
 def _row(name: str, value: object) -> tuple[list[float], float, float, float]:
     """Pose ``[7]`` of the base, confidence, distance between the closed fingers and between the open ones, or NaN."""
     grasp = _arrays.table(name, value)
     turned = _arrays.table(f"{name}.orientation", _arrays.entry(f"{name}.orientation", grasp))
     w, xyz = (_arrays.entry(f"{name}.orientation.{key}", turned) for key in ("w", "xyz"))
-    position = _arrays.numbers(f"{name}.position", _arrays.entry(f"{name}.position", grasp), (3,))
-    pose = [*position, *_arrays.numbers(f"{name}.orientation.xyz", xyz, (3,)), _arrays.number(f"{name}.orientation.w", w, -2.0, 2.0)]
+    position = _three(f"{name}.position", _arrays.entry(f"{name}.position", grasp))
+    pose = [*position, *_three(f"{name}.orientation.xyz", xyz), _arrays.number(f"{name}.orientation.w", w, -2.0, 2.0)]
     confidence = _arrays.number(f"{name}.confidence", grasp.get("confidence", 1.0), 0.0, 1.0)
 
     def width_m(key: str) -> float:
