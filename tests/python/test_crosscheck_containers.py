@@ -231,15 +231,15 @@ def test_walls_stand_where_graspmill_renders_them(walled, factor):
 @pytest.mark.parametrize("name", engines.ENGINES)
 def test_another_engine_gives_the_same_labels_among_walls(walled, name, capsys, factor):
     data = dataset.read(Path(walled._native.location), None)
-    some, off = (3, 0.02) if factor == 1 else (24, 0.0)
+    some = 24 if factor > 1 else 3 if name == "pybullet" else 9  # PyBullet takes longer
     data = replace(data, scenes=[one for one in data.scenes if one.fixtures][:some])
     report = cli.run(data, [name], seed=1)
     found = report.engines[name]
     with capsys.disabled():
         print(f"\n{name}: same gate {found.same.overall}, outcomes {found.same.outcome_share}, own {found.own.overall}")
-    assert found.same.overall.count >= (120 if factor == 1 else 300) and len(data.scenes) < 24
+    assert found.same.overall.count >= (120 if some == 3 else 300) and len(data.scenes) < 24
     assert any(attempt.hit == "container" for attempt in report.rows.attempts)
     assert report.gate_differences == []
-    assert found.same.outcome_share >= 0.95 - off and found.same.overall.share >= 0.97 - off
+    assert found.same.outcome_share >= 0.95 and found.same.overall.share >= 0.97
     # Hands that pass a wall by about the clearance, ten of 360 here, fall on either side of another engine's own gate.
-    assert found.own.outcome_share >= 0.92 - off
+    assert found.own.outcome_share >= 0.92

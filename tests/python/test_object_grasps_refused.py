@@ -48,7 +48,7 @@ def test_damaged_isaac_grasp_files_are_refused(tmp_path):
         ("grasps must be a mapping", "grasps", None),
         ("grasp_1.position must be in", f"{grasp}.position"),
         ("grasp_1.position must be 3 numbers", f"{grasp}.position", [1.0]),
-        ("grasp_1.position must be", f"{grasp}.position", [1.0, float("nan"), 0.0]),
+        ("grasp_1.position must be between -1000 and 1000, got nan", f"{grasp}.position", [1.0, float("nan"), 0.0]),
         ("orientation.xyz must be in", f"{grasp}.orientation.xyz"),
         ("quaternions of length 1", f"{grasp}.orientation.w", 3e-1),
         ("confidence must be a number", f"{grasp}.confidence", "high"),
