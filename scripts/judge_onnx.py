@@ -39,7 +39,7 @@ def rotation(quaternion_xyzw):
     )
 
 
-def hand_boxes(hand):
+def gripper_boxes(hand):
     """Two fingers and the palm of the open hand in the grasp frame: (centre, half side) each, in metres."""
     gap, length = 0.5 * hand["opening_m_max"], hand["finger_length_m"]
     thick, wide = hand["finger_thickness_m"], hand["finger_width_m"]
@@ -69,7 +69,7 @@ class Judge:
         self.way_m = scope["pregrasp_distance_m"]
         # What the hand sweeps from its pre-grasp pose: each box, longer towards −z.
         back = np.array([0, 0, self.way_m / 2])
-        self.swept = [(centre - back, half + back) for centre, half in hand_boxes(self.hand)]
+        self.swept = [(centre - back, half + back) for centre, half in gripper_boxes(self.hand)]
         low = np.min([centre - half for centre, half in self.swept], axis=0)
         high = np.max([centre + half for centre, half in self.swept], axis=0) + [0, 0, BEYOND_M]
         self.points_m = lattice(low, high, BOX)

@@ -30,7 +30,7 @@ COLOURS = {
     "object": (186, 196, 205),
     "target": (86, 180, 233),
     "hit": (230, 159, 0),
-    "hand": (92, 102, 112),
+    "gripper": (92, 102, 112),
     "swept": (204, 121, 167, 60),
     "held": GREEN,
     "slipped": VERMILION,

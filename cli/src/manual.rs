@@ -133,7 +133,7 @@ fn settings_page(settings: &[Settings]) -> String {
 fn tables() -> String {
     use shards::{Form, Table};
 
-    const FORM: Form = Form { resolution: 40, has_hands: true, has_containers: true, has_repeats: true };
+    const FORM: Form = Form { resolution: 40, has_grippers: true, has_containers: true, has_repeats: true };
     Table::ALL.into_iter().map(|table| format!("\n## {}\n\n{}", table.name(), table.described(FORM))).collect()
 }
 

@@ -14,7 +14,7 @@ use program::{Context, ExitCode, Failure, print, stop_on_signals, write};
 use crate::execute;
 use crate::parse::one_of;
 use card::card;
-use steps::{MANY_HANDS, Objects, Pipeline, Views, is_known, must_answer_for};
+use steps::{MANY_GRIPPERS, Objects, Pipeline, Views, is_known, must_answer_for};
 
 /// Make a judge for a gripper, from data to weights
 ///
@@ -86,7 +86,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let steps = pipeline.steps()?;
     fs::create_dir_all(&pipeline.out).context(format_args!("failed to make {}", pipeline.out.display()))?;
     if arguments.from.is_none() && pipeline.from.is_some() {
-        write(&built_in, MANY_HANDS.0)?;
+        write(&built_in, MANY_GRIPPERS.0)?;
     }
     for (name, text) in pipeline.settings()? {
         write(&pipeline.out.join(name), text)?;

@@ -14,7 +14,7 @@ mod surface;
 
 use rayon::prelude::*;
 use schema::{
-    GraspSource, HandBox, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream, Vec3,
+    GraspSource, GripperBox, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream, Vec3,
 };
 use simulator::{FloatingWorld, Grip, Hold, Load, Motion};
 
@@ -230,8 +230,8 @@ impl<'a> Bench<'a> {
     fn is_free(&self, stable: &StablePose, object_from_grasp: &Pose) -> bool {
         let gripper = &self.params.gripper;
         let table_from_grasp = stable.table_from_object * *object_from_grasp;
-        let swept = |b: HandBox| b.swept_back(PROCEDURE.pregrasp_distance_m).grown(gripper.clearance_m);
-        gripper.open_hand().into_iter().all(|b| swept(b).lowest_z_m(&table_from_grasp) >= 0.0)
+        let swept = |b: GripperBox| b.swept_back(PROCEDURE.pregrasp_distance_m).grown(gripper.clearance_m);
+        gripper.open_gripper().into_iter().all(|b| swept(b).lowest_z_m(&table_from_grasp) >= 0.0)
     }
 
     fn coverage(&self, grasps: &[ObjectGrasp]) -> Option<f32> {

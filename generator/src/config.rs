@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use perception::{SensorParams, ViewKind};
-use schema::{CameraParams, Grid, Hands, Physics, Procedure, SettleParams, ShapeKind, TsdfParams, Vec3, ViewParams};
+use schema::{CameraParams, Grid, Grippers, Physics, Procedure, SettleParams, ShapeKind, TsdfParams, Vec3, ViewParams};
 use serde::Serialize;
 use settings::{Document, Reader, settings, words};
 use toml::Value;
@@ -174,7 +174,7 @@ settings! {
         /// Weights of a judge, whose best hands are executed.
         pub policy: Option<Policy>; or None,
         /// The hand, or several that take turns from scene to scene: their names or files, or a table of ranges.
-        pub gripper: Hands,
+        pub gripper: Grippers,
         /// The workspace.
         pub grid: Grid,
         /// What is dropped.

@@ -1,6 +1,6 @@
 //! Records an attempt for display: poses at up to sixty frames per second, events, and contacts.
 
-use schema::{Gripper, HandBox, HitKind, Outcome, Physics, Pose, Procedure, Vec3};
+use schema::{Gripper, GripperBox, HitKind, Outcome, Physics, Pose, Procedure, Vec3};
 use simulator::{AttemptEvent, Contact, ContactBody, Execution, Moment, Obstruction, Phase, Watcher};
 
 /// Frames a second.
@@ -33,7 +33,7 @@ pub struct Frame {
     /// Of the objects.
     pub objects: Vec<Pose>,
     /// Of the boxes of the open hand.
-    pub hand: [Pose; 3],
+    pub gripper: [Pose; 3],
 }
 
 /// Something that happened at a frame.
@@ -79,7 +79,7 @@ pub struct Blocked {
     /// Where.
     pub point_m: Vec3,
     /// The boxes that the gate tested, in the frame of the grasp: the open hand or its sweep, with the clearance.
-    pub boxes: Vec<HandBox>,
+    pub boxes: Vec<GripperBox>,
 }
 
 /// A recording of an attempt.
@@ -176,7 +176,7 @@ impl<'a> Recorder<'a> {
         self.shot_steps = Some(moment.steps);
         let time_s = self.grasp_time_s + moment.steps as f32 / self.step_rate_hz;
         let frame = self.recording.frames.len();
-        self.recording.frames.push(Frame { time_s, objects: moment.objects(), hand: moment.hand() });
+        self.recording.frames.push(Frame { time_s, objects: moment.objects(), gripper: moment.gripper() });
         let mut contacts: Vec<Contact> = moment.contacts();
         let is_shown = |c: &Contact| !c.points_m.is_empty() && c.between.iter().any(|t| self.is_of_interest(*t));
         contacts.retain(is_shown);
@@ -267,15 +267,15 @@ fn blocked(gripper: &Gripper, distance_m: f32, obstruction: &Obstruction) -> Blo
     } else {
         format!("after {:.1} mm of the approach", obstruction.travel_m * 1000.0)
     };
-    let tested = |hand_box: HandBox| {
+    let tested = |gripper_box: GripperBox| {
         let back = -Vec3::Z * distance_m;
-        let tested = if is_before { hand_box.moved(back) } else { hand_box.swept(back) };
+        let tested = if is_before { gripper_box.moved(back) } else { gripper_box.swept(back) };
         tested.grown(gripper.clearance_m)
     };
     Blocked {
         label: format!("the {part} is within {clearance_mm:.1} mm of {what} {when}"),
         point_m: obstruction.point_m,
-        boxes: gripper.open_hand().into_iter().map(tested).collect(),
+        boxes: gripper.open_gripper().into_iter().map(tested).collect(),
     }
 }
 

@@ -50,7 +50,7 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
     let repeat_scene = |rows: &SceneRows| -> Vec<Difference> {
         let scene = Scene::from_records(info.grid.table_z_m, rows.scene.fixtures(&info.grid), &rows.objects, &bodies);
         let (scene_id, procedure) = (rows.scene.scene_id, &info.procedure);
-        let hand = info.hand_of(scene_id);
+        let hand = info.gripper_of(scene_id);
         let world = AttemptWorld::new(&physics, hand, procedure, &scene);
         let repeats = Repeats::of_scene(robustness.as_ref(), info.seed, scene_id, &physics, hand, procedure, &scene);
         let again = |row: &AttemptRecord| {

@@ -108,7 +108,7 @@ pub fn replays<T: Send>(
     let physics = physics_of(&info.config)?;
     let fixtures = rows.scene.fixtures(&info.grid);
     let scene = Scene::from_records(info.grid.table_z_m, fixtures, &rows.objects, &bodies_of(info)?);
-    let gripper = info.hand_of(rows.scene.scene_id);
+    let gripper = info.gripper_of(rows.scene.scene_id);
     let world = AttemptWorld::new(&physics, gripper, &info.procedure, &scene);
     let at_rest: Vec<Pose> = rows.objects.iter().map(|row| row.workspace_from_object).collect();
     let replay = |stored: &AttemptRecord| {

@@ -12,7 +12,7 @@ use core::f32::consts::{FRAC_PI_2, FRAC_PI_6, PI};
 
 use perception::SurfaceBlocks;
 use rayon::prelude::*;
-use schema::{Grasp, Gripper, HandBox, Mat3, Pose, Quat, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts};
+use schema::{Grasp, Gripper, GripperBox, Mat3, Pose, Quat, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts};
 
 pub use judge::{Judge, ScoredGrasp};
 use space::{Looks, Space, looks_of};
@@ -53,7 +53,7 @@ pub struct ObservedScene<'a> {
 #[derive(Debug, Clone)]
 pub struct CandidateSampler {
     span_m: f32,
-    swept: Vec<HandBox>,
+    swept: Vec<GripperBox>,
     /// Points of the swept hand in the grasp frame, in groups, those at the tips first.
     looks: Vec<Looks>,
 }
@@ -118,8 +118,8 @@ impl CandidateSampler {
     /// Prepares a hand that starts `pregrasp_distance_m` behind its grasp.
     #[must_use]
     pub fn new(gripper: &Gripper, pregrasp_distance_m: f32) -> Self {
-        let swept = |b: HandBox| b.swept_back(pregrasp_distance_m).grown(gripper.clearance_m);
-        let swept: Vec<HandBox> = gripper.open_hand().into_iter().map(swept).collect();
+        let swept = |b: GripperBox| b.swept_back(pregrasp_distance_m).grown(gripper.clearance_m);
+        let swept: Vec<GripperBox> = gripper.open_gripper().into_iter().map(swept).collect();
         let mut looks: Vec<Looks> = swept.iter().flat_map(looks_of).collect();
         looks.sort_by(|a, b| b.middle_m.z.total_cmp(&a.middle_m.z));
         Self { span_m: gripper.span_m(), swept, looks }
@@ -300,7 +300,7 @@ mod tests {
 
     /// How deep the deepest point of any of these hands, on its way, is in the box.
     fn deepest_m(gripper: &Gripper, hands: &[Grasp]) -> f32 {
-        let hand = gripper.open_hand();
+        let hand = gripper.open_gripper();
         let swept: Vec<_> = hand.iter().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m)).collect();
         let points_m: Vec<Vec3> = swept.iter().flat_map(looks_of).flat_map(|looks| looks.points_m).collect();
         let depths_m = hands
@@ -313,7 +313,7 @@ mod tests {
     fn hands_are_free_and_come_from_above_or_from_the_side() {
         let (gripper, hands) = proposed(500);
         assert_eq!(hands.len(), 500);
-        let hand = gripper.open_hand();
+        let hand = gripper.open_gripper();
         let swept: Vec<_> = hand.iter().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m)).collect();
         for Grasp { workspace_from_grasp: pose, .. } in &hands {
             assert!((pose.rotation * Vec3::Z).z <= APPROACH_RISE_MAX);

@@ -6,7 +6,7 @@ use network::judge::PaddedGrid;
 use perception::{
     Field as _, SurfaceBlocks, TRUNCATION_VOXELS, mean_distance, normals, surface_cloud, surface_of_blocks,
 };
-use schema::{HandBox, Mat3, Quat, Vec3, VoxelGrid};
+use schema::{GripperBox, Mat3, Quat, Vec3, VoxelGrid};
 
 /// Distance between the points of the surface that hands touch.
 const PITCH_M: f32 = 0.005;
@@ -37,7 +37,7 @@ pub(crate) struct Looks {
 }
 
 /// Points of a box on a lattice of [`LOOK_M`], its faces included, in groups.
-pub(crate) fn looks_of(b: &HandBox) -> Vec<Looks> {
+pub(crate) fn looks_of(b: &GripperBox) -> Vec<Looks> {
     let counts = b.half_m.to_array().map(|half_m| libm::ceilf(2.0 * half_m / LOOK_M) as usize + 1);
     let along = |axis: usize, at: usize| b.half_m[axis] * (2.0 * at as f32 / (counts[axis] - 1) as f32 - 1.0);
     let groups = counts.map(|count| count.div_ceil(TOGETHER));

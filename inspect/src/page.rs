@@ -88,7 +88,7 @@ fn lead(report: &Report, info: &DatasetInfo) -> String {
 
 /// The hand or the number of hands in words.
 fn hands(info: &DatasetInfo) -> String {
-    match info.hands() {
+    match info.grippers() {
         [hand] => format!("the hand \"{}\"", hand.name),
         hands => format!("{} hands, from {} to {}", hands.len(), hands[0].name, hands[hands.len() - 1].name),
     }

@@ -2,7 +2,7 @@
 
 use program::text::grouped;
 use report::document::Picture;
-use report::picture::{Hand, Scene, svg};
+use report::picture::{Grasp, Scene, svg};
 use report::view::folder::scene_file;
 use schema::{AttemptRecord, ObjectRecord, Polyhedron, SceneRows};
 use shards::DatasetInfo;
@@ -40,9 +40,9 @@ pub(crate) fn picture(info: &DatasetInfo, rows: &SceneRows, is_drawn: bool, is_l
 }
 
 fn scene_svg(info: &DatasetInfo, rows: &SceneRows) -> String {
-    let hand = |attempt: &AttemptRecord| Hand {
+    let hand = |attempt: &AttemptRecord| Grasp {
         workspace_from_grasp: attempt.workspace_from_grasp,
-        width_m: attempt.width_m.unwrap_or(info.hand_of(attempt.scene_id).opening_m_max),
+        width_m: attempt.width_m.unwrap_or(info.gripper_of(attempt.scene_id).opening_m_max),
         outcome: attempt.outcome,
         label: attempt_label(attempt),
     };

@@ -1,6 +1,6 @@
 //! Replays to look at: attempts of a scene, and grasps of an object alone, executed again.
 
-use generator::recorder::{self, HAND, Recording, describe_end};
+use generator::recorder::{self, PARTS, Recording, describe_end};
 use generator::{AttemptId, GraspReplay, Replay};
 use program::Failure;
 use report::view::{Body, Class, Event, EventKind, Frame, Line, View, flat, flat_points};
@@ -49,7 +49,7 @@ fn attempt_view(dataset: &Dataset, rows: &SceneRows, replay: &Replay) -> View {
         let poses = poses(recording, |frame| frame.objects[id]);
         view.bodies.extend(Body::of_object(class, row).into_iter().map(|part| Body { poses: poses.clone(), ..part }));
     }
-    add(&mut view, recording, info.hand_of(stored.scene_id), &stored.workspace_from_grasp);
+    add(&mut view, recording, info.gripper_of(stored.scene_id), &stored.workspace_from_grasp);
     view.lines.push(Line::workspace(Lattice::from(info.grid).corners_m()));
 
     let degrees = |angle_rad: f32| format!("{:.2}°", angle_rad.to_degrees());
@@ -108,14 +108,14 @@ fn add(view: &mut View, recording: &Recording, gripper: &Gripper, grasp: &Pose) 
     view.points.extend(recording.contacts.iter().map(|touch| {
         contact(&touch.label, flat_points(touch.points_m.iter().copied()), Some([touch.frame, touch.frame]))
     }));
-    for (part, hand_box) in gripper.open_hand().iter().enumerate() {
-        let poses = poses(recording, |frame| frame.hand[part % 3]);
-        view.bodies.push(Body { poses, ..Body::of_box(Class::Hand, HAND[part], hand_box, &[]) });
+    for (part, gripper_box) in gripper.open_gripper().iter().enumerate() {
+        let poses = poses(recording, |frame| frame.gripper[part % 3]);
+        view.bodies.push(Body { poses, ..Body::of_box(Class::Gripper, PARTS[part], gripper_box, &[]) });
     }
     let Some(blocked) = &recording.blocked else { return };
-    for (part, hand_box) in HAND.into_iter().zip(&blocked.boxes) {
+    for (part, gripper_box) in PARTS.into_iter().zip(&blocked.boxes) {
         let label = format!("{part} on its way, with {:.1} mm around it", gripper.clearance_m * 1000.0);
-        view.bodies.push(Body::of_box(Class::Swept, label, hand_box, &[*grasp]));
+        view.bodies.push(Body::of_box(Class::Swept, label, gripper_box, &[*grasp]));
     }
     view.points.push(contact(&blocked.label, flat_points([blocked.point_m]), None));
 }

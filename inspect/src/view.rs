@@ -30,7 +30,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
         let label = format!("view {number}: {:.3} m away, polar {polar:.1}°, azimuth {azimuth:.1}°", camera.radius_m);
         view.lines.push(Line::camera(label, &camera.workspace_from_camera(grid), &lens));
     }
-    let hand = info.hand_of(scene.scene_id);
+    let hand = info.gripper_of(scene.scene_id);
     for is_held in [false, true] {
         for attempt in rows.attempts.iter().filter(|a| (a.outcome == Outcome::Held) == is_held) {
             let width_m = attempt.width_m.unwrap_or(hand.opening_m_max);
@@ -77,7 +77,7 @@ fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows
         let count = rows.attempts.iter().filter(|a| a.outcome == outcome).count();
         view.fact(outcome.name(), count.to_string());
     }
-    let hand = info.hand_of(scene.scene_id);
+    let hand = info.gripper_of(scene.scene_id);
     view.fact("hand", format!("{}, opens {:.0} mm", hand.name, hand.opening_m_max * 1000.0));
 }
 

@@ -14,7 +14,7 @@ words! {
     pub enum Kind {
         /// Voxels: the paper's.
         Voxel = "voxel",
-        /// Hands: the judge.
+        /// Grippers: the judge.
         Judge = "judge",
     }
 }

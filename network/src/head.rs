@@ -191,7 +191,7 @@ impl ClosingsHead {
             }
         }
         let (_, turn_rad, quality_logit) = best;
-        let rotation = hand_of(self.approach().0, turn_rad).to_array();
+        let rotation = grasp_rotation(self.approach().0, turn_rad).to_array();
         let tips_voxels = Some(self.tips_voxels);
         Answer { quality_logit, rotation, width_voxels: self.width_voxels(turn_rad), tips_voxels }
     }
@@ -230,7 +230,7 @@ pub fn turn_of(rotation: Quat) -> f32 {
 
 /// The hand with an approach, a unit vector, and a turn.
 #[must_use]
-pub fn hand_of(approach: Vec3, turn_rad: f32) -> Quat {
+pub fn grasp_rotation(approach: Vec3, turn_rad: f32) -> Quat {
     let (sin, cos) = (libm::sinf(0.5 * turn_rad), libm::cosf(0.5 * turn_rad));
     (unturned(approach) * Quat::from_xyzw(0.0, 0.0, sin, cos)).normalize()
 }
@@ -259,7 +259,7 @@ mod tests {
             let rotation = stream.rotation();
             let (approach, turn_rad) = (rotation * Vec3::Z, turn_of(rotation));
             assert!((0.0..PI).contains(&turn_rad));
-            let back = hand_of(approach, turn_rad);
+            let back = grasp_rotation(approach, turn_rad);
             assert!((back * Vec3::Z - approach).length() < 2e-3, "{rotation}");
             assert!((back * Vec3::Y).dot(rotation * Vec3::Y).abs() > 0.9999, "{rotation}");
             let exchanged = turn_of(rotation * axis_angle(Vec3::Z, PI));
@@ -273,7 +273,7 @@ mod tests {
     fn turns_from_straight_above_are_those_of_the_closing_direction() {
         for degrees in 0..180 {
             let turn_rad = (degrees as f32).to_radians();
-            let rotation = hand_of(-Vec3::Z, turn_rad);
+            let rotation = grasp_rotation(-Vec3::Z, turn_rad);
             let closing = rotation * Vec3::Y;
             let expected = Vec3::new(-libm::sinf(turn_rad), -libm::cosf(turn_rad), 0.0);
             assert!((closing - expected).length() < 1e-5, "{degrees}: {closing}");

@@ -396,7 +396,7 @@ mod tests {
 
     settings::settings! {
         struct Held {
-            gripper: schema::Hands,
+            gripper: schema::Grippers,
         }
     }
 

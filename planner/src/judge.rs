@@ -4,7 +4,7 @@ use grasps::{Judge, ObservedScene, ScoredGrasp, Search};
 use schema::{Grasp, Grid, Purpose, Stream, Vec3};
 
 use crate::config::{Config, JudgeParams};
-use crate::hand::towards_wrist;
+use crate::gripper_volume::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::PlanOptions;
 use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};

@@ -4,10 +4,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use perception::{Wall, nearest, walls};
 use rayon::prelude::*;
-use schema::{HandBox, Plane, Pose, Vec3};
+use schema::{GripperBox, Plane, Pose, Vec3};
 
 use crate::config::Config;
-use crate::hand::HandVolume;
+use crate::gripper_volume::GripperVolume;
 use crate::observation::{Cone, Limits, Mask, View};
 use crate::plan::{Limit, SegmentedCloud};
 
@@ -37,12 +37,12 @@ pub(crate) struct Limiter<'a> {
     limits: &'a Limits,
     /// The corners of the open hand at the grasp and before it, in the grasp frame.
     corners_m: Vec<Vec3>,
-    between_fingers: HandVolume,
+    between_fingers: GripperVolume,
     /// Points of the surface off the table, sorted along x: the target's, and the others.
     target_m: Option<[Vec<Vec3>; 2]>,
     walls: Walls,
     /// What a hand passes that leaves, and its corners.
-    way_out: HandVolume,
+    way_out: GripperVolume,
     way_out_corners_m: Vec<Vec3>,
     /// Whether a camera looks at the fingers.
     is_in_sight: &'a (dyn Fn(&Pose) -> bool + Sync),
@@ -63,7 +63,7 @@ impl<'a> Limiter<'a> {
         will_do: &'a WillDo<'a>,
     ) -> Self {
         let Config { gripper, collision, .. } = config;
-        let swept_back = |way_m| gripper.open_hand().iter().map(|part| part.swept_back(way_m)).collect::<Vec<_>>();
+        let swept_back = |way_m| gripper.open_gripper().iter().map(|part| part.swept_back(way_m)).collect::<Vec<_>>();
         let (way_out, swept) = (swept_back(WAY_OUT_M), swept_back(collision.pregrasp_distance_m));
         let corners_m = swept.iter().flat_map(corners).collect();
         let half_m = Vec3::new(
@@ -80,11 +80,11 @@ impl<'a> Limiter<'a> {
         Self {
             limits,
             corners_m,
-            between_fingers: HandVolume::new(vec![HandBox { centre_m, half_m }]),
+            between_fingers: GripperVolume::new(vec![GripperBox { centre_m, half_m }]),
             target_m,
             walls,
             way_out_corners_m: way_out.iter().flat_map(corners).collect(),
-            way_out: HandVolume::new(way_out),
+            way_out: GripperVolume::new(way_out),
             is_in_sight,
             will_do,
             refused: Default::default(),
@@ -172,8 +172,8 @@ impl<'a> Limiter<'a> {
 }
 
 /// The corners of a part of a hand, in its frame.
-pub(crate) fn corners(part: &HandBox) -> impl Iterator<Item = Vec3> + use<> {
-    let HandBox { centre_m, half_m } = *part;
+pub(crate) fn corners(part: &GripperBox) -> impl Iterator<Item = Vec3> + use<> {
+    let GripperBox { centre_m, half_m } = *part;
     (0..8).map(move |corner| {
         let side = |axis: u8| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
         centre_m + half_m * Vec3::new(side(0), side(1), side(2))
@@ -261,7 +261,7 @@ mod tests {
     use schema::axis_angle;
 
     use super::*;
-    use crate::hand::WRIST_DOWN;
+    use crate::gripper_volume::WRIST_DOWN;
     use crate::{Ball, BuiltIn, Target};
 
     fn everything(poses: &[Pose]) -> Vec<bool> {

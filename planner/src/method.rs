@@ -6,7 +6,7 @@ use grasps::ObservedScene;
 use schema::Pose;
 
 use crate::config::Config;
-use crate::hand::are_alike;
+use crate::gripper_volume::are_alike;
 use crate::limits::Limiter;
 use crate::observation::PlanOptions;
 use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};

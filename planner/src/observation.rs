@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use schema::{Camera, DepthImage, Grid, Plane, Pose, Quat, Vec3, VoxelGrid};
 use settings::words;
 
-use crate::hand::WRIST_DOWN;
+use crate::gripper_volume::WRIST_DOWN;
 
 words! {
     /// The key under which a camera's pose was given.

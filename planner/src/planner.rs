@@ -11,7 +11,7 @@ use schema::{Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
 
 use crate::config::{BuiltIn, Config, Policy};
 use crate::frame::{self, FoundTable};
-use crate::hand::HandVolume;
+use crate::gripper_volume::GripperVolume;
 use crate::input::{InputError, read_file};
 use crate::limits::{Limiter, Walls, WillDo, near_points, object_points, seen_points};
 use crate::method::{Candidates, Method, Request, Stage};
@@ -238,7 +238,7 @@ impl Planner {
         self.method.settle(&mut candidates, &cloud, request);
         let (collision, found) = (&self.config.collision, candidates.grasps.len());
         if options.check_collisions.unwrap_or(collision.check) {
-            let sweep = HandVolume::swept(&self.config.gripper, collision);
+            let sweep = GripperVolume::swept(&self.config.gripper, collision);
             candidates.drop_where(|ranked| {
                 let points = sweep.points_inside(&ranked.workspace_from_grasp, &cloud.points_m);
                 (points > collision.points_max).then_some(RejectReason::Collision { points })

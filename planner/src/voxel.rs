@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use schema::{Grasp, Grid, Pose, Quat, Vec3, pose_from_parts};
 
 use crate::config::{ClosingBy, Config};
-use crate::hand::towards_wrist;
+use crate::gripper_volume::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::PlanOptions;
 use crate::plan::{DroppedCandidate, PointLabel, RankedGrasp, RejectReason, SegmentedCloud};

@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use rayon::prelude::*;
-use schema::{Grasp, Gripper, HandBox, Intrinsics, Mat3, Pose, Vec3, bounds_m};
+use schema::{Grasp, Gripper, GripperBox, Intrinsics, Mat3, Pose, Vec3, bounds_m};
 
 use crate::limits::corners;
 use crate::observation::View;
@@ -140,7 +140,7 @@ impl<'a> Widths<'a> {
     fn points_between(&self, workspace_from_grasp: &Pose) -> Vec<Vec3> {
         let gripper = self.gripper;
         let half_m = 0.5 * Vec3::new(gripper.finger_width_m, gripper.opening_m_max, gripper.finger_length_m);
-        let between = HandBox { centre_m: Vec3::new(0.0, 0.0, -half_m.z), half_m };
+        let between = GripperBox { centre_m: Vec3::new(0.0, 0.0, -half_m.z), half_m };
         let mut points_m = Vec::new();
         for ((view, camera_from_workspace), rays_x) in self.views.iter().zip(&self.cameras).zip(&self.rays_x) {
             let lens = view.camera.intrinsics;
@@ -309,7 +309,7 @@ mod tests {
 
     use super::*;
     use crate::BuiltIn;
-    use crate::hand::WRIST_DOWN;
+    use crate::gripper_volume::WRIST_DOWN;
 
     const LOW_M: Vec3 = Vec3::new(0.12, 0.1, 0.05);
     const HIGH_M: Vec3 = Vec3::new(0.18, 0.2, 0.13);

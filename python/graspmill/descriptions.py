@@ -20,7 +20,7 @@ from ._robots import Floats, Hand
 from .errors import GraspmillError, InputError
 from .grippers import LENGTHS, Gripper, lines
 
-__all__ = ["HandBoxes", "from_description"]
+__all__ = ["GripperBoxes", "from_description"]
 
 #: The last part of a finger, of which the jaws' distance is measured.
 PAD_M = 0.015
@@ -33,7 +33,7 @@ STEP_M = 0.0005
 
 
 @dataclass(frozen=True, eq=False)
-class HandBoxes:
+class GripperBoxes:
     """The three boxes of a gripper around the geometry of a description, open. Lengths that are not listed are those of
     :class:`Gripper`.
 
@@ -113,7 +113,7 @@ def _opening(hand: Hand, shapes: list[Floats]) -> float:
     return 2 * min(inner)
 
 
-def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, flange: str | None = None) -> HandBoxes:
+def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, flange: str | None = None) -> GripperBoxes:
     """Fits the three boxes of a gripper around the collision geometry of a description, with the jaws opened as far as its joints
     allow. Nothing of the geometry is outside the boxes. Where no shape collides, all count.
 
@@ -142,7 +142,7 @@ def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, fl
     sizes = dict(zip(LENGTHS, (opening, length, width, thickness, *palm)))
     # Outwards to tenths of a millimetre.
     outwards = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
-    return HandBoxes(
+    return GripperBoxes(
         path=hand.path,
         **outwards,
         opening_m_min=max(0.0, min(value for value in openings if np.isfinite(value))),
@@ -180,7 +180,7 @@ def _flange(hand: Hand, turn: Floats, origin: Floats) -> Floats | None:
     return np.linalg.inv(world_from_flange) @ world_from_grasp
 
 
-def _said(boxes: HandBoxes) -> str:
+def _said(boxes: GripperBoxes) -> str:
     flange = boxes.flange_from_grasp
     rows = [f"{key:<20}{1e3 * getattr(boxes, key):>8.1f} mm" for key in ("opening_m_min", *LENGTHS[:7])]
     rows.append(f"flange_from_grasp   {'not known: give --flange' if flange is None else (1e3 * flange[:3, 3]).round(1).tolist()}")

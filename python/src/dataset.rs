@@ -165,7 +165,7 @@ impl Dataset {
             self.bodies()?,
         );
         let simulation = Simulation {
-            gripper: info.hand_of(scene_id).clone(),
+            gripper: info.gripper_of(scene_id).clone(),
             physics: physics_of(&info.config).map_err(|failure| raised(&failure))?,
             procedure: info.procedure,
             settle: self.settle()?,
@@ -212,7 +212,7 @@ impl Dataset {
         if !scenes.is_sorted() || scenes.iter().any(|scene| !(first..end).contains(scene)) {
             return Err(wrong(format!("scenes of shard {shard} must be ascending, from {first} to below {end}")));
         }
-        let (dataset, hands) = (self.read()?, self.dataset.info().hands().len() as u64);
+        let (dataset, hands) = (self.read()?, self.dataset.info().grippers().len() as u64);
         let read = || {
             let mut grids = reserved(scenes.len() * dataset.info().grid.len())?;
             let mut samples = Vec::new();
@@ -244,7 +244,7 @@ impl Dataset {
     /// How its hands are seen by a judge.
     fn crops(&self) -> Crops {
         let info = self.dataset.info();
-        let hands = info.hands().iter().map(|hand| (hand, info.procedure.pregrasp_distance_m));
+        let hands = info.grippers().iter().map(|hand| (hand, info.procedure.pregrasp_distance_m));
         Crops::of(hands, &info.grid)
     }
 

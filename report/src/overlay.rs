@@ -27,7 +27,7 @@ const ASPECT_OFF_MAX: f32 = 0.01;
 
 /// A hand to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hand {
+pub struct Grasp {
     /// Pose of the grasp in the camera's optical frame: x right, y down, z forward.
     pub camera_from_grasp: Pose,
     /// Distance between the fingers, in metres.
@@ -42,7 +42,7 @@ pub struct Hand {
 pub fn overlay(
     mut image: ColorImage,
     lens: &Intrinsics,
-    hands: &[Hand],
+    hands: &[Grasp],
     gripper: &Gripper,
 ) -> Result<Vec<u8>, Failure> {
     let lens = fitted(lens, &image)?;
@@ -98,10 +98,10 @@ fn fitted(lens: &Intrinsics, image: &ColorImage) -> Result<Intrinsics, Failure> 
 }
 
 /// The edges of the best hand's boxes; of another a fork, because complete hands would hide the objects.
-fn lines_m(hand: &Hand, gripper: &Gripper, is_best: bool) -> Vec<[Vec3; 2]> {
-    let Hand { camera_from_grasp, opening_m } = hand;
+fn lines_m(hand: &Grasp, gripper: &Gripper, is_best: bool) -> Vec<[Vec3; 2]> {
+    let Grasp { camera_from_grasp, opening_m } = hand;
     if !is_best {
-        let fork = Line::fork(Class::Hand, "", gripper, camera_from_grasp, *opening_m);
+        let fork = Line::fork(Class::Gripper, "", gripper, camera_from_grasp, *opening_m);
         return fork.points_m.windows(2).map(|ends| [ends[0], ends[1]].map(Vec3::from_array)).collect();
     }
     let edges = |part| {
@@ -109,7 +109,7 @@ fn lines_m(hand: &Hand, gripper: &Gripper, is_best: bool) -> Vec<[Vec3; 2]> {
         let pairs = (0..corners.len()).flat_map(|from| [1, 2, 4].map(|bit| [from, from | bit]));
         pairs.filter(|[from, to]| from < to).map(move |ends| ends.map(|end| corners[end]))
     };
-    gripper.hand(*opening_m).iter().flat_map(edges).collect()
+    gripper.boxes(*opening_m).iter().flat_map(edges).collect()
 }
 
 /// A grasp's colour by its rank among the `count` drawn ones: after the best from dark to light grey, so that
@@ -189,11 +189,11 @@ mod tests {
     }
 
     /// A hand that moves down in the image and closes across it.
-    fn downwards(at_m: Vec3, opening_m: f32) -> Hand {
-        Hand { camera_from_grasp: pose_from_parts(Quat::from_xyzw(-0.5, -0.5, -0.5, 0.5), at_m), opening_m }
+    fn downwards(at_m: Vec3, opening_m: f32) -> Grasp {
+        Grasp { camera_from_grasp: pose_from_parts(Quat::from_xyzw(-0.5, -0.5, -0.5, 0.5), at_m), opening_m }
     }
 
-    fn drawn(image: ColorImage, hands: &[Hand]) -> ColorImage {
+    fn drawn(image: ColorImage, hands: &[Grasp]) -> ColorImage {
         let bytes = overlay(image, &LENS, hands, &gripper()).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
@@ -232,7 +232,8 @@ mod tests {
         let boundless = drawn(image.clone(), &[downwards(Vec3::Z, f32::INFINITY); 2]);
         assert!(boundless != image && !boundless.pixels.contains(&[0; 3]));
         // Towards the eye from the front: its palm is behind the camera, its fingers are before it.
-        let forwards = Hand { camera_from_grasp: Pose::from_translation(Vec3::new(0.0, -0.03, 0.06)), opening_m: 0.04 };
+        let forwards =
+            Grasp { camera_from_grasp: Pose::from_translation(Vec3::new(0.0, -0.03, 0.06)), opening_m: 0.04 };
         let green = drawn(image, &[forwards]).pixels.iter().filter(|pixel| **pixel == BEST).count();
         assert!(green > 500, "{green}");
     }
@@ -241,11 +242,11 @@ mod tests {
     fn the_first_hand_is_the_best_and_on_top_and_bytes_repeat() {
         let image = empty(640, 480);
         let [first, second] = [Vec3::new(0.0, -0.05, 0.4), Vec3::new(0.02, -0.05, 0.35)].map(|at| downwards(at, 0.04));
-        let bytes = |hands: &[Hand]| overlay(image.clone(), &LENS, hands, &gripper()).unwrap();
+        let bytes = |hands: &[Grasp]| overlay(image.clone(), &LENS, hands, &gripper()).unwrap();
         assert_eq!(bytes(&[first, second]), bytes(&[first, second]));
         assert_ne!(bytes(&[first, second]), bytes(&[second, first]));
         let green =
-            |hands: &[Hand]| drawn(image.clone(), hands).pixels.iter().map(|pixel| *pixel == BEST).collect::<Vec<_>>();
+            |hands: &[Grasp]| drawn(image.clone(), hands).pixels.iter().map(|pixel| *pixel == BEST).collect::<Vec<_>>();
         assert!(green(&[first, second]) == green(&[first]), "although the second is nearer");
     }
 

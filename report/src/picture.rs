@@ -10,7 +10,7 @@ use schema::{Outcome, Polyhedron, Pose, Vec3};
 
 /// A hand at a grasp.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Hand {
+pub struct Grasp {
     /// Pose of the grasp.
     pub workspace_from_grasp: Pose,
     /// Opening between the fingers, in metres.
@@ -32,8 +32,8 @@ pub struct Scene {
     pub bodies: Vec<(Polyhedron, usize)>,
     /// What the bodies lie in, drawn as edges.
     pub fixtures: Vec<Polyhedron>,
-    /// Hands.
-    pub hands: Vec<Hand>,
+    /// Grasps.
+    pub hands: Vec<Grasp>,
 }
 
 /// Size of the picture.
@@ -70,7 +70,7 @@ pub fn svg(scene: &Scene) -> String {
         let corners = points(scene, face.ring.iter().map(|corner| part.corners_m()[*corner]));
         let _ = write!(text, "<polygon class=\"face\" fill=\"none\" points=\"{corners}\"/>");
     }
-    let mut hands: Vec<&Hand> = scene.hands.iter().collect();
+    let mut hands: Vec<&Grasp> = scene.hands.iter().collect();
     hands.sort_by_key(|hand| hand.outcome); // held grasps on top, collisions below
     let is_crowded = hands.len() > CROWD;
     for hand in hands {
@@ -113,7 +113,7 @@ fn paint(text: &mut String, scene: &Scene) {
 }
 
 /// The hand as two lines: the connected fingers, and the stem behind.
-fn fork(hand: &Hand) -> [Vec<Vec3>; 2] {
+fn fork(hand: &Grasp) -> [Vec<Vec3>; 2] {
     let (half, root, stem) = (0.5 * hand.width_m, -0.04, -0.06);
     let at = |y: f32, z: f32| hand.workspace_from_grasp.transform_point(Vec3::new(0.0, y, z));
     [vec![at(-half, 0.0), at(-half, root), at(half, root), at(half, 0.0)], vec![at(0.0, root), at(0.0, stem)]]
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn of_a_block_three_faces_are_seen_and_hands_lie_on_top() {
         let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.09), Quat::IDENTITY);
-        let hand = |outcome| Hand { workspace_from_grasp: at, width_m: 0.06, outcome, label: "7/19 <".to_owned() };
+        let hand = |outcome| Grasp { workspace_from_grasp: at, width_m: 0.06, outcome, label: "7/19 <".to_owned() };
         let scene = Scene {
             size_m: 0.3,
             table_z_m: 0.05,

@@ -145,7 +145,7 @@ pub enum Class {
     /// The object that was hit.
     Hit,
     /// The hand.
-    Hand,
+    Gripper,
     /// The swept volume of the hand.
     Swept,
     /// A camera.

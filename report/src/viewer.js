@@ -32,8 +32,8 @@
     object: { name: "objects", rgb: () => (isDark.matches ? [139, 150, 161] : [186, 196, 205]) },
     target: { name: "target", rgb: () => SKY },
     hit: { name: "what was hit", rgb: () => ORANGE },
-    hand: { name: "hand", rgb: () => (isDark.matches ? [205, 211, 217] : [92, 102, 112]) },
-    swept: { name: "swept by the hand", rgb: () => PURPLE, a: 0.2 },
+    gripper: { name: "gripper", rgb: () => (isDark.matches ? [205, 211, 217] : [92, 102, 112]) },
+    swept: { name: "swept by the gripper", rgb: () => PURPLE, a: 0.2 },
     held: { name: "held", rgb: () => hue("held"), wide: 2.2 },
     slipped: { name: "slipped", rgb: () => hue("slipped"), wide: 1.6 },
     hit_other: { name: "hit other", rgb: () => hue("hit_other"), wide: 1.6 },
@@ -487,7 +487,7 @@
     const [from, a, b, , , d] = camera.points_m, corner = less(a, from), across = less(b, a), along = less(d, a);
     const ahead = unit(cross(across, along)), scale = 1 / dot(corner, ahead);
     const wide = 160, high = Math.round((wide * Math.hypot(...along)) / Math.hypot(...across)), depths = new Float32Array(wide * high);
-    const still = view.bodies.filter((body) => !["hand", "swept"].includes(body.class)).map(placed);
+    const still = view.bodies.filter((body) => !["gripper", "swept"].includes(body.class)).map(placed);
     for (let at = 0; at < depths.length; at++) {
       const [u, v] = [(at % wide) / (wide - 1), Math.floor(at / wide) / (high - 1)];
       const ray = times(add(corner, add(times(across, u), times(along, v))), scale), far = dot(ray, ray);

@@ -98,7 +98,7 @@ impl PoseParts {
 
 /// A box of the hand in the grasp frame, axes along the frame's.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct HandBox {
+pub struct GripperBox {
     /// Centre, in metres.
     pub centre_m: Vec3,
     /// Half lengths, in metres.
@@ -188,37 +188,37 @@ impl Gripper {
     /// The two fingers (−y, then +y) with their inner faces `width_m` apart, as thick as their tips: what grips, and
     /// all that physics moves. What is thicker behind the tips is outside of them.
     #[must_use]
-    pub fn fingers(&self, width_m: f32) -> [HandBox; 2] {
+    pub fn fingers(&self, width_m: f32) -> [GripperBox; 2] {
         let thickness_m = self.finger_tip.map_or(self.finger_thickness_m, |tip| tip.thickness_m);
         self.fingers_behind(width_m, thickness_m, 0.0)
     }
 
     /// The fingers but for so much of their tips.
-    fn fingers_behind(&self, width_m: f32, thickness_m: f32, tip_m: f32) -> [HandBox; 2] {
+    fn fingers_behind(&self, width_m: f32, thickness_m: f32, tip_m: f32) -> [GripperBox; 2] {
         let half_m = Vec3::new(self.finger_width_m, thickness_m, self.finger_length_m - tip_m) * 0.5;
         [-1.0, 1.0].map(|side| {
             let centre_m = Vec3::new(0.0, side * (0.5 * width_m + half_m.y), -half_m.z - tip_m);
-            HandBox { centre_m, half_m }
+            GripperBox { centre_m, half_m }
         })
     }
 
     /// The palm.
     #[must_use]
-    pub fn palm(&self) -> HandBox {
+    pub fn palm(&self) -> GripperBox {
         let half_m = Vec3::new(self.palm_width_m, self.palm_breadth_m, self.palm_length_m) * 0.5;
-        HandBox { centre_m: Vec3::new(0.0, 0.0, -self.finger_length_m - half_m.z), half_m }
+        GripperBox { centre_m: Vec3::new(0.0, 0.0, -self.finger_length_m - half_m.z), half_m }
     }
 
     /// The whole open hand: the [fingers](Self::fingers), the palm, and where they are thicker behind their tips, the
     /// fingers there.
     #[must_use]
-    pub fn open_hand(&self) -> Vec<HandBox> {
-        self.hand(self.opening_m_max)
+    pub fn open_gripper(&self) -> Vec<GripperBox> {
+        self.boxes(self.opening_m_max)
     }
 
-    /// The whole hand, as [`Self::open_hand`] has it, with the fingers' inner faces `width_m` apart.
+    /// The whole hand, as [`Self::open_gripper`] has it, with the fingers' inner faces `width_m` apart.
     #[must_use]
-    pub fn hand(&self, width_m: f32) -> Vec<HandBox> {
+    pub fn boxes(&self, width_m: f32) -> Vec<GripperBox> {
         let thick = self.finger_tip.map(|tip| self.fingers_behind(width_m, self.finger_thickness_m, tip.length_m));
         let boxes = self.fingers(width_m).into_iter().chain([self.palm()]);
         boxes.chain(thick.into_iter().flatten()).collect()
@@ -231,7 +231,7 @@ impl Gripper {
     }
 }
 
-impl HandBox {
+impl GripperBox {
     /// The box lengthened backwards by `distance_m` along −z: everything it passes on a straight approach of that
     /// length.
     #[must_use]
@@ -288,10 +288,10 @@ mod tests {
     fn a_thin_tip_is_a_part_of_its_finger() {
         let [plain, tipped] =
             [Gripper::BUILT_IN[0].1, Gripper::BUILT_IN[3].1].map(|text| Gripper::from_toml(text).unwrap());
-        assert_eq!((plain.open_hand().len(), tipped.open_hand().len()), (3, 5));
-        let low_m = |b: &HandBox| b.centre_m - b.half_m;
-        let high_m = |b: &HandBox| b.centre_m + b.half_m;
-        let hand = tipped.hand(0.03);
+        assert_eq!((plain.open_gripper().len(), tipped.open_gripper().len()), (3, 5));
+        let low_m = |b: &GripperBox| b.centre_m - b.half_m;
+        let high_m = |b: &GripperBox| b.centre_m + b.half_m;
+        let hand = tipped.boxes(0.03);
         let tip = tipped.finger_tip.unwrap();
         for (finger, thick, side) in [(&hand[0], &hand[3], -1.0), (&hand[1], &hand[4], 1.0)] {
             assert!((2.0 * finger.half_m.y - tip.thickness_m).abs() < 1e-6 && high_m(finger).z == 0.0);
@@ -310,7 +310,7 @@ mod tests {
     #[test]
     fn the_shipped_gripper_is_the_designs() {
         let gripper = Gripper::from_toml(PAPER).unwrap();
-        let [left, right, palm] = gripper.open_hand().try_into().unwrap();
+        let [left, right, palm] = gripper.open_gripper().try_into().unwrap();
         let inner_gap = (right.centre_m.y - right.half_m.y) - (left.centre_m.y + left.half_m.y);
         assert!((inner_gap - 0.08).abs() < 1e-6);
         assert!((left.centre_m.z + left.half_m.z).abs() < 1e-6, "finger tips end at z = 0");
@@ -318,14 +318,14 @@ mod tests {
     }
 
     settings! {
-        struct Hands {
+        struct Grippers {
             hand: Gripper; by Gripper::read_named as "a hand's name, a path that ends in .toml, or what such a file has",
         }
     }
 
     fn named(name: &str) -> Result<Gripper, settings::Error> {
         let text = format!("hand = \"{name}\"");
-        Document::parse(&text, Path::new("nowhere/hands.toml")).unwrap().read::<Hands>().map(|hands| hands.hand)
+        Document::parse(&text, Path::new("nowhere/hands.toml")).unwrap().read::<Grippers>().map(|hands| hands.hand)
     }
 
     #[test]
@@ -414,9 +414,9 @@ mod tests {
 
     #[test]
     fn a_swept_box_covers_both_ends() {
-        let finger = Gripper::from_toml(PAPER).unwrap().open_hand()[0];
+        let finger = Gripper::from_toml(PAPER).unwrap().open_gripper()[0];
         let swept = finger.swept_back(0.05);
-        let ends = |b: &HandBox| (b.centre_m.z - b.half_m.z, b.centre_m.z + b.half_m.z);
+        let ends = |b: &GripperBox| (b.centre_m.z - b.half_m.z, b.centre_m.z + b.half_m.z);
         assert!((ends(&swept).1 - ends(&finger).1).abs() < 1e-6);
         assert!((ends(&swept).0 - (ends(&finger).0 - 0.05)).abs() < 1e-6);
     }

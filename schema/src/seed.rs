@@ -45,7 +45,7 @@ pub enum Purpose {
     /// Objects of packed scenes (the first try: whether a scene is packed).
     Packed = 15,
     /// Hands that are drawn (the scene slot carries the hand's number).
-    Hands = 16,
+    Grippers = 16,
     /// When the samples of a scene are visited in an epoch (the try carries the epoch).
     Visits = 17,
     /// Household objects of a catalogue (the scene slot carries the object's number, the try its kind).

@@ -179,7 +179,7 @@ class Runner:
         """Whether the hand, closed as it is, comes within half the clearance of a fixture anywhere on its retreat."""
         left, right = self._ways_m()
         ways, near_m = [left, right, np.zeros(3), left, right], self._gripper.clearance_m / 2
-        hand = [box.shifted(way).grown(near_m) for box, way in zip(self._gripper.open_hand(), ways)]
+        hand = [box.shifted(way).grown(near_m) for box, way in zip(self._gripper.open_gripper(), ways)]
         direction, distance = self._retreat(pose), self._procedure.retreat_distance_m
         along = [pose.moved(direction * d) for d in np.linspace(0, distance, ceil(distance / WAY_STEP_M) + 1)]
         return "container" if gate.touches(self._scene.fixtures, along, hand) else None

@@ -27,23 +27,23 @@ RISE = 0.2
 
 
 @dataclass(frozen=True)
-class HandBox:
+class GripperBox:
     """A box of the hand along the grasp frame's axes: `centre_m` (3,), `half_m` (3,)."""
 
     centre_m: np.ndarray
     half_m: np.ndarray
 
-    def swept(self, way_m: np.ndarray) -> HandBox:
+    def swept(self, way_m: np.ndarray) -> GripperBox:
         """What the box passes on a straight way (3,) along one of the axes."""
-        return HandBox(self.centre_m + way_m / 2, self.half_m + np.abs(way_m) / 2)
+        return GripperBox(self.centre_m + way_m / 2, self.half_m + np.abs(way_m) / 2)
 
-    def shifted(self, offset_m: np.ndarray) -> HandBox:
+    def shifted(self, offset_m: np.ndarray) -> GripperBox:
         """The box moved by `offset_m` (3,)."""
-        return HandBox(self.centre_m + offset_m, self.half_m)
+        return GripperBox(self.centre_m + offset_m, self.half_m)
 
-    def grown(self, margin_m: float) -> HandBox:
+    def grown(self, margin_m: float) -> GripperBox:
         """The box larger by `margin_m` on every side."""
-        return HandBox(self.centre_m, self.half_m + margin_m)
+        return GripperBox(self.centre_m, self.half_m + margin_m)
 
 
 @dataclass(frozen=True)
@@ -65,21 +65,21 @@ class Gripper:
     clearance_m: float
     finger_tip: dict[str, float] | None = None
 
-    def fingers(self, width_m: float) -> tuple[HandBox, HandBox]:
+    def fingers(self, width_m: float) -> tuple[GripperBox, GripperBox]:
         """The finger at −y, then the one at +y, as thick as their tips, inner faces `width_m` apart."""
         return self._fingers(width_m, self.finger_tip["thickness_m"] if self.finger_tip else self.finger_thickness_m, 0.0)
 
-    def _fingers(self, width_m: float, thickness_m: float, tip_m: float) -> tuple[HandBox, HandBox]:
+    def _fingers(self, width_m: float, thickness_m: float, tip_m: float) -> tuple[GripperBox, GripperBox]:
         half = np.array([self.finger_width_m, thickness_m, self.finger_length_m - tip_m]) / 2
         left, right = (np.array([0.0, side * (width_m / 2 + half[1]), -half[2] - tip_m]) for side in (-1, 1))
-        return HandBox(left, half), HandBox(right, half)
+        return GripperBox(left, half), GripperBox(right, half)
 
-    def palm(self) -> HandBox:
+    def palm(self) -> GripperBox:
         """The palm, behind the fingers."""
         half = np.array([self.palm_width_m, self.palm_breadth_m, self.palm_length_m]) / 2
-        return HandBox(np.array([0.0, 0.0, -self.finger_length_m - half[2]]), half)
+        return GripperBox(np.array([0.0, 0.0, -self.finger_length_m - half[2]]), half)
 
-    def open_hand(self) -> list[HandBox]:
+    def open_gripper(self) -> list[GripperBox]:
         """Both fingers and the palm, wide open, and the fingers behind their tips where they are thicker there."""
         boxes = [*self.fingers(self.opening_m_max), self.palm()]
         if self.finger_tip:
@@ -185,7 +185,7 @@ def retreat_direction(workspace_from_grasp: Pose, cone_rad: float, is_covered: b
     return out / np.linalg.norm(out) if is_covered else up
 
 
-def lowest_z_m(box: HandBox, workspace_from_grasp: Pose) -> float:
+def lowest_z_m(box: GripperBox, workspace_from_grasp: Pose) -> float:
     """Height of a hand box's lowest corner."""
     centre = workspace_from_grasp.apply(box.centre_m)
     return float(centre[2] - np.abs(workspace_from_grasp.rotation[2]) @ box.half_m)

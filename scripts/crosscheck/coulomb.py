@@ -72,9 +72,9 @@ def compare(data: dataset.Dataset, engine: Engine | None) -> list[tuple[Lift, st
     """Straight lifts near the limit, with their outcome: as stored, or repeated by an engine."""
     pairs = []
     for scene in data.scenes:
-        runner = Runner(engine, scene, data.hand_of(scene), data.procedure, data.environment) if engine else None
+        runner = Runner(engine, scene, data.gripper_of(scene), data.procedure, data.environment) if engine else None
         for attempt in scene.attempts:
-            lift = predict(scene, attempt, data.hand_of(scene), data.procedure, data.environment)
+            lift = predict(scene, attempt, data.gripper_of(scene), data.procedure, data.environment)
             if lift is None or attempt.outcome not in ("held", "slipped") or not LOAD_RANGE[0] < lift.load < LOAD_RANGE[1]:
                 continue
             found = runner.from_closing(attempt, attempt.workspace_from_grasp).outcome if runner else attempt.outcome

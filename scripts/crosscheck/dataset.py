@@ -45,7 +45,7 @@ class Dataset:
     scenes: list[Scene]
     scene_count: int
 
-    def hand_of(self, scene: Scene) -> Gripper:
+    def gripper_of(self, scene: Scene) -> Gripper:
         """Several hands take turns."""
         return self.grippers[scene.scene_id % len(self.grippers)]
 

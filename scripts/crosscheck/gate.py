@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .contract import Gripper, HandBox, Procedure, Scene, lowest_z_m
+from .contract import Gripper, GripperBox, Procedure, Scene, lowest_z_m
 from .hull import Hull
 from .pose import Pose
 from .solid import Solid
@@ -31,7 +31,7 @@ class GateResult:
     margin_m: float
 
 
-def separation(solid: Solid | Hull, rotations: np.ndarray, positions_m: np.ndarray, boxes: list[HandBox]) -> np.ndarray:
+def separation(solid: Solid | Hull, rotations: np.ndarray, positions_m: np.ndarray, boxes: list[GripperBox]) -> np.ndarray:
     """Widest gap (a, b) in metres between a solid and each of b boxes, for a poses of the solid in the boxes' frame.
 
     `rotations` (a, 3, 3) and `positions_m` (a, 3) are grasp_from_object. Negative: overlap, by its least depth.
@@ -58,7 +58,7 @@ def _products(edges: np.ndarray) -> np.ndarray:
 def judge(scene: Scene, poses: list[Pose], gripper: Gripper, procedure: Procedure, table_z_m: float) -> list[GateResult]:
     """The gate's results for the scene's attempts, whose grasps are at `poses`."""
     back = np.array([0.0, 0.0, -procedure.pregrasp_distance_m])
-    hand = gripper.open_hand()
+    hand = gripper.open_gripper()
     pregrasp = [box.shifted(back).grown(gripper.clearance_m) for box in hand]
     approach = [box.swept(back).grown(gripper.clearance_m) for box in hand]
     boxes = pregrasp + approach
@@ -72,18 +72,18 @@ def judge(scene: Scene, poses: list[Pose], gripper: Gripper, procedure: Procedur
     return results
 
 
-def touches(fixtures: Sequence[Hull], poses: list[Pose], boxes: list[HandBox]) -> bool:
+def touches(fixtures: Sequence[Hull], poses: list[Pose], boxes: list[GripperBox]) -> bool:
     """Whether any of `boxes` in the frame of any of `poses` overlaps a fixture."""
     return bool((_gaps(fixtures, HOME, poses, boxes) <= 0).any())
 
 
 def is_covered(fixtures: Sequence[Hull], workspace_from_grasp: Pose) -> bool:
     """Whether a fixture is straight above a grasp, as the board of a shelf."""
-    column = HandBox(np.zeros(3), np.full(3, COVER_HALF_M)).swept(np.array([0.0, 0.0, COVER_M]))
+    column = GripperBox(np.zeros(3), np.full(3, COVER_HALF_M)).swept(np.array([0.0, 0.0, COVER_M]))
     return touches(fixtures, [Pose(workspace_from_grasp.position_m, HOME.quat_xyzw)], [column])
 
 
-def _gaps(parts: Sequence[Solid | Hull], pose: Pose, grasps: list[Pose], boxes: list[HandBox]) -> np.ndarray:
+def _gaps(parts: Sequence[Solid | Hull], pose: Pose, grasps: list[Pose], boxes: list[GripperBox]) -> np.ndarray:
     """Gap (a, b) between the nearest of the parts, which are at `pose`, and every box; infinite without parts."""
     back = np.stack([grasp.rotation.T for grasp in grasps])
     apart = pose.position_m - np.stack([grasp.position_m for grasp in grasps])
@@ -94,7 +94,7 @@ def _gaps(parts: Sequence[Solid | Hull], pose: Pose, grasps: list[Pose], boxes: 
     return nearest
 
 
-def _table_gaps(grasps: list[Pose], boxes: list[HandBox], table_z_m: float) -> np.ndarray:
+def _table_gaps(grasps: list[Pose], boxes: list[GripperBox], table_z_m: float) -> np.ndarray:
     """Height (a, b) of every box above the table."""
     return np.array([[lowest_z_m(box, grasp) - table_z_m for box in boxes] for grasp in grasps])
 

@@ -14,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 import numpy as np
 
-from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, HandBox, Scene
+from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, GripperBox, Scene
 from .pose import Pose
 
 FINGERS = ("left", "right")
@@ -217,7 +217,7 @@ def _object_xml(index: int, scene: Scene) -> str:
 
 
 def _hand_xml(gripper: Gripper) -> str:
-    def part(name: str, box: HandBox, axis: tuple, mass_kg: float, inside: str = "", **joint: object) -> str:
+    def part(name: str, box: GripperBox, axis: tuple, mass_kg: float, inside: str = "", **joint: object) -> str:
         slide = _tag("joint", name=name, type="slide", axis=axis, **joint)
         inertial = _tag("inertial", pos=box.centre_m, mass=mass_kg, diaginertia=(mass_kg * 1e-3,) * 3)
         geom = _tag("geom", name=name, type="box", size=box.half_m, pos=box.centre_m)

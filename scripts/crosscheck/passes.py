@@ -50,7 +50,7 @@ def gate_pass(dataset: Dataset) -> list[gate.GateResult]:
 
 def _gate(dataset: Dataset, scene: Scene) -> list[gate.GateResult]:
     poses = [attempt.workspace_from_grasp for attempt in scene.attempts]
-    return gate.judge(scene, poses, dataset.hand_of(scene), dataset.procedure, dataset.environment.table_z_m)
+    return gate.judge(scene, poses, dataset.gripper_of(scene), dataset.procedure, dataset.environment.table_z_m)
 
 
 def same_gate(name: str, dataset: Dataset, engine: Engine, runners: Runners = Runner) -> Pass:
@@ -59,7 +59,7 @@ def same_gate(name: str, dataset: Dataset, engine: Engine, runners: Runners = Ru
     for scene in _shown(name, dataset):
         verdicts = _gate(dataset, scene)
         start = perf_counter()
-        runner = runners(engine, scene, dataset.hand_of(scene), dataset.procedure, dataset.environment)
+        runner = runners(engine, scene, dataset.gripper_of(scene), dataset.procedure, dataset.environment)
         for attempt, verdict in zip(scene.attempts, verdicts):
             blocked = None if verdict.outcome is None else Execution(verdict.outcome, verdict.hit)
             executions.append(blocked or runner.from_closing(attempt, attempt.workspace_from_grasp))
@@ -72,7 +72,7 @@ def own_approach(name: str, dataset: Dataset, engine: Engine, runners: Runners =
     executions, seconds = [], 0.0
     for scene in _shown(name, dataset):
         start = perf_counter()
-        runner = runners(engine, scene, dataset.hand_of(scene), dataset.procedure, dataset.environment)
+        runner = runners(engine, scene, dataset.gripper_of(scene), dataset.procedure, dataset.environment)
         executions += [runner.own_approach(attempt, attempt.workspace_from_grasp) for attempt in scene.attempts]
         seconds += perf_counter() - start
     return Pass(name, executions, seconds)
@@ -82,7 +82,7 @@ def drift(dataset: Dataset, engine: Engine) -> Drift:
     """Lets every scene rest for half a second."""
     moved, turned = [], []
     for scene in _shown("drift", dataset):
-        engine.load(scene, dataset.hand_of(scene), dataset.environment)
+        engine.load(scene, dataset.gripper_of(scene), dataset.environment)
         engine.begin(None, None)
         before, quats = engine.positions_m(), engine.quats_xyzw()
         for _ in range(round(DRIFT_TIME_S * engine.step_rate_hz)):

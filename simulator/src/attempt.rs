@@ -6,12 +6,12 @@
 //! 4. The outcome is the first that applies: `pregrasp_collision`, `approach_collision`, `empty`, `slipped`,
 //!    `hit_other`, `held`.
 
-use schema::{Engine, Gripper, HandBox, Outcome, Physics, Polyhedron, Pose, Procedure, Vec3};
+use schema::{Engine, Gripper, GripperBox, Outcome, Physics, Polyhedron, Pose, Procedure, Vec3};
 
 use crate::bodies::{AttemptEngine, RapierThings};
 use crate::engine::EngineBody;
 use crate::gate::{Gate, Hit};
-use crate::hand::RapierAttempt;
+use crate::gripper::RapierAttempt;
 use crate::mass_scaling::LeastInertia;
 use crate::shortcuts::LiftWatch;
 use crate::stepper::{Jaws, Stepper, Things};
@@ -438,7 +438,7 @@ impl<'a> Run<'a> {
         let fingers = self.setup.gripper.fingers(self.setup.gripper.opening_m_max);
         let ways_m = fingers.iter().zip(self.engine.closed_m()).zip([1.0, -1.0]);
         let ways_m = ways_m.map(|((finger, closed_m), inward)| (finger, Vec3::Y * (inward * closed_m)));
-        let swept: Vec<HandBox> = ways_m.clone().map(|(finger, way_m)| finger.swept(way_m).grown(near_m)).collect();
+        let swept: Vec<GripperBox> = ways_m.clone().map(|(finger, way_m)| finger.swept(way_m).grown(near_m)).collect();
         if self.setup.gate.touches_fixtures(&self.workspace_from_grasp, &swept) {
             self.tell(AttemptEvent::NearContainer);
             return Some(Hit::CONTAINER);
@@ -459,13 +459,13 @@ impl<'a> Run<'a> {
         }
         let [left, right] = self.engine.closed_m();
         let [left, right] = [left, -right].map(|way_m| Vec3::Y * way_m);
-        let closed = gripper.open_hand().into_iter().zip([left, right, Vec3::ZERO, left, right]);
-        let hand: Vec<HandBox> = closed.map(|(b, way_m)| b.moved(way_m).grown(0.5 * gripper.clearance_m)).collect();
+        let closed = gripper.open_gripper().into_iter().zip([left, right, Vec3::ZERO, left, right]);
+        let hand: Vec<GripperBox> = closed.map(|(b, way_m)| b.moved(way_m).grown(0.5 * gripper.clearance_m)).collect();
         let (direction, way_m) = (self.retreat_direction(), self.setup.procedure.retreat_distance_m);
         let steps = (way_m / WAY_STEP_M).ceil();
         let hits = (0..=steps as usize).any(|step| {
             let moved_m = direction * (way_m * step as f32 / steps);
-            let hand: Vec<HandBox> = hand.iter().map(|b| b.moved(moved_m)).collect();
+            let hand: Vec<GripperBox> = hand.iter().map(|b| b.moved(moved_m)).collect();
             gate.touches_fixtures(&self.workspace_from_grasp, &hand)
         });
         if hits {

@@ -54,7 +54,7 @@ pub(crate) trait AttemptEngine: Bodies {
     fn move_to(&mut self, position_m: Vec3);
 
     /// By how much the boxes of the open hand have moved since the beginning: left and right finger, palm.
-    fn hand_moved_m(&self) -> [Vec3; 3];
+    fn gripper_moved_m(&self) -> [Vec3; 3];
 
     /// Whether nothing has touched an object yet.
     fn is_asleep(&self, object_id: usize) -> bool;

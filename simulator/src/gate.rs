@@ -4,7 +4,7 @@
 //! what a box sweeps is a longer box, and the test is exact, without time steps. The boxes are first grown by the
 //! gripper's clearance: whatever comes nearer than that counts as touched, in every engine that repeats an attempt.
 
-use schema::{Gripper, HandBox, HitKind, Outcome, Pose, Procedure, Vec3};
+use schema::{Gripper, GripperBox, HitKind, Outcome, Pose, Procedure, Vec3};
 
 use crate::tested_part::{PlacedPart, TestedPart};
 use crate::{Scene, SceneObject};
@@ -47,8 +47,8 @@ pub struct Gate {
     /// Of each object.
     obstacles: Vec<Obstacle>,
     fixtures: Obstacle,
-    pregrasp: Vec<HandBox>,
-    approach: Vec<HandBox>,
+    pregrasp: Vec<GripperBox>,
+    approach: Vec<GripperBox>,
 }
 
 impl Gate {
@@ -59,9 +59,9 @@ impl Gate {
         let obstacles = scene.objects.iter().map(|o| (hulls(o), o.workspace_from_object)).collect();
         let fixtures = (scene.fixtures.iter().map(TestedPart::new).collect(), Pose::IDENTITY);
         let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
-        let hand = gripper.open_hand();
+        let hand = gripper.open_gripper();
         let pregrasp = hand.iter().map(|b| b.moved(-back).grown(gripper.clearance_m)).collect();
-        let swept = |b: &HandBox| b.swept_back(procedure.pregrasp_distance_m).grown(gripper.clearance_m);
+        let swept = |b: &GripperBox| b.swept_back(procedure.pregrasp_distance_m).grown(gripper.clearance_m);
         let approach = hand.iter().map(swept).collect();
         Self { table_z_m: scene.table_z_m, obstacles, fixtures, pregrasp, approach }
     }
@@ -69,7 +69,7 @@ impl Gate {
     /// The collision that keeps the hand from the grasp, if there is one.
     #[must_use]
     pub fn blocked(&self, workspace_from_grasp: &Pose, target: usize) -> Option<(Outcome, Hit)> {
-        let hit = |boxes: &[HandBox]| self.first_hit(boxes, workspace_from_grasp, target);
+        let hit = |boxes: &[GripperBox]| self.first_hit(boxes, workspace_from_grasp, target);
         let approach = hit(&self.approach)?;
         // The sweep holds the pre-grasp hand, so only a blocked sweep needs the second look.
         Some(match hit(&self.pregrasp) {
@@ -97,14 +97,14 @@ impl Gate {
     }
 
     /// The boxes, grown, and swept from the pre-grasp over twice `half_way_m`.
-    pub(crate) fn swept(&self, half_way_m: f32) -> Vec<HandBox> {
+    pub(crate) fn swept(&self, half_way_m: f32) -> Vec<GripperBox> {
         let along = Vec3::Z * half_way_m;
-        let swept = |b: &HandBox| HandBox { centre_m: b.centre_m + along, half_m: b.half_m + along };
+        let swept = |b: &GripperBox| GripperBox { centre_m: b.centre_m + along, half_m: b.half_m + along };
         self.pregrasp.iter().map(swept).collect()
     }
 
     /// Each box with each part of objects and fixtures that it overlaps, in the frame of a grasp.
-    fn touched(&self, boxes: &[HandBox], workspace_from_grasp: &Pose) -> Vec<(usize, PlacedPart)> {
+    fn touched(&self, boxes: &[GripperBox], workspace_from_grasp: &Pose) -> Vec<(usize, PlacedPart)> {
         let all = (0..self.obstacles.len()).map(Some).chain([None]);
         let parts = all.flat_map(|object_id| self.overlapped(object_id, workspace_from_grasp, boxes));
         let mut touched = Vec::new();
@@ -115,7 +115,7 @@ impl Gate {
         touched
     }
 
-    fn is_in_table(&self, boxes: &[HandBox], workspace_from_grasp: &Pose) -> bool {
+    fn is_in_table(&self, boxes: &[GripperBox], workspace_from_grasp: &Pose) -> bool {
         let low = boxes.iter().map(|b| b.lowest_z_m(workspace_from_grasp)).fold(f32::INFINITY, f32::min);
         low < self.table_z_m
     }
@@ -139,20 +139,25 @@ impl Gate {
 
     /// Whether a fixture is straight above the grasp, as the board of a shelf.
     pub(crate) fn is_covered(&self, workspace_from_grasp: &Pose) -> bool {
-        let point = HandBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(1e-3) };
+        let point = GripperBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(1e-3) };
         let at = Pose::from_translation(workspace_from_grasp.translation);
         self.touches_fixtures(&at, &[point.swept(Vec3::Z * COVER_M)])
     }
 
     /// Whether any of `boxes`, in the frame of a grasp, overlaps a fixture.
-    pub(crate) fn touches_fixtures(&self, workspace_from_grasp: &Pose, boxes: &[HandBox]) -> bool {
+    pub(crate) fn touches_fixtures(&self, workspace_from_grasp: &Pose, boxes: &[GripperBox]) -> bool {
         self.overlapped(None, workspace_from_grasp, boxes).next().is_some()
     }
 
     /// How far each finger of an open hand at a grasp can close before it meets a fixture, at most `most_m`, in metres,
     /// to a thousandth of that.
-    pub(crate) fn free_closing_m(&self, workspace_from_grasp: &Pose, fingers: &[HandBox; 2], most_m: f32) -> [f32; 2] {
-        let free = |finger: &HandBox, inward: f32, way_m: f32| {
+    pub(crate) fn free_closing_m(
+        &self,
+        workspace_from_grasp: &Pose,
+        fingers: &[GripperBox; 2],
+        most_m: f32,
+    ) -> [f32; 2] {
+        let free = |finger: &GripperBox, inward: f32, way_m: f32| {
             !self.touches_fixtures(workspace_from_grasp, &[finger.swept(Vec3::Y * (inward * way_m))])
         };
         core::array::from_fn(|side| {
@@ -174,7 +179,7 @@ impl Gate {
         &self,
         object_id: Option<usize>,
         workspace_from_grasp: &Pose,
-        boxes: &[HandBox],
+        boxes: &[GripperBox],
     ) -> impl Iterator<Item = PlacedPart> {
         let (hulls, workspace_from_part) = self.obstacle(object_id);
         let grasp_from_part = workspace_from_grasp.inverse() * *workspace_from_part;
@@ -186,7 +191,7 @@ impl Gate {
         object_id.map_or(&self.fixtures, |id| &self.obstacles[id])
     }
 
-    fn first_hit(&self, boxes: &[HandBox], workspace_from_grasp: &Pose, target: usize) -> Option<Hit> {
+    fn first_hit(&self, boxes: &[GripperBox], workspace_from_grasp: &Pose, target: usize) -> Option<Hit> {
         let touches = |id: &usize| self.overlapped(Some(*id), workspace_from_grasp, boxes).next().is_some();
         let others = (0..self.obstacles.len()).filter(|id| *id != target);
         if let Some(id) = core::iter::once(target).chain(others).find(touches) {
@@ -288,7 +293,7 @@ pub(crate) mod tests {
             };
             let solid = Solid::new(kind, extents).unwrap();
             let pose = Pose::from_parts(stream.point(Vec3::splat(-0.07), Vec3::splat(0.07)), stream.rotation());
-            let finger = gripper.open_hand()[case % 3].swept_back(0.05);
+            let finger = gripper.open_gripper()[case % 3].swept_back(0.05);
             let object = SceneObject { body: solid.into(), mass_kg: 0.1, friction: 1.0, workspace_from_object: pose };
             let scene = Scene { table_z_m: -1.0, fixtures: Vec::new(), objects: vec![object] };
             let gate = Gate::new(&scene, &gripper, &Procedure::PAPER);

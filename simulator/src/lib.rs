@@ -51,7 +51,7 @@ mod engine;
 mod faceted;
 mod floating;
 mod gate;
-mod hand;
+mod gripper;
 mod mass_scaling;
 mod obstruction;
 mod scene;

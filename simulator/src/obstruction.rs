@@ -1,6 +1,6 @@
 //! Where a blocked hand first touches the obstacle. The gate itself only tests whether it does.
 
-use schema::{HandBox, HitKind, Outcome, Pose, Vec3};
+use schema::{GripperBox, HitKind, Outcome, Pose, Vec3};
 
 use crate::attempt::AttemptWorld;
 use crate::gate::{Hit, halved};
@@ -20,7 +20,7 @@ pub struct Obstruction {
     pub hit: Hit,
     /// Distance in metres from the pre-grasp at which the hand comes within its clearance of the obstacle.
     pub travel_m: f32,
-    /// Which box of [`schema::Gripper::open_hand`] touches first.
+    /// Which box of [`schema::Gripper::open_gripper`] touches first.
     pub part: usize,
     /// A workspace point inside both the obstacle and that box enlarged by the clearance.
     pub point_m: Vec3,
@@ -45,23 +45,24 @@ impl AttemptWorld<'_> {
     }
 
     /// The first box that touches the obstacle, and a point that they share, up to rounding.
-    fn touched(&self, workspace_from_grasp: &Pose, hit: Hit, boxes: &[HandBox]) -> Option<(usize, Vec3)> {
+    fn touched(&self, workspace_from_grasp: &Pose, hit: Hit, boxes: &[GripperBox]) -> Option<(usize, Vec3)> {
         let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
         let height_m = self.table_z_m - workspace_from_grasp.translation.z;
-        let shared_m = |hand_box: &HandBox| match hit.kind {
+        let shared_m = |gripper_box: &GripperBox| match hit.kind {
             HitKind::Target | HitKind::Other | HitKind::Container => {
-                let parts = self.gate.overlapped(hit.object_id, workspace_from_grasp, core::slice::from_ref(hand_box));
-                parts.map(|part| point_in(&part, hand_box)).next()
+                let parts =
+                    self.gate.overlapped(hit.object_id, workspace_from_grasp, core::slice::from_ref(gripper_box));
+                parts.map(|part| point_in(&part, gripper_box)).next()
             }
-            HitKind::Table => Some(lowest_corner_m(hand_box, up)).filter(|corner_m| up.dot(*corner_m) < height_m),
+            HitKind::Table => Some(lowest_corner_m(gripper_box, up)).filter(|corner_m| up.dot(*corner_m) < height_m),
         };
-        boxes.iter().enumerate().find_map(|(number, hand_box)| Some((number, shared_m(hand_box)?)))
+        boxes.iter().enumerate().find_map(|(number, gripper_box)| Some((number, shared_m(gripper_box)?)))
     }
 }
 
 /// A point of a part and a box that overlap.
-fn point_in(part: &PlacedPart, hand_box: &HandBox) -> Vec3 {
-    let (low, high) = (hand_box.centre_m - hand_box.half_m, hand_box.centre_m + hand_box.half_m);
+fn point_in(part: &PlacedPart, gripper_box: &GripperBox) -> Vec3 {
+    let (low, high) = (gripper_box.centre_m - gripper_box.half_m, gripper_box.centre_m + gripper_box.half_m);
     let mut point = part.centre_m;
     // Alternating projections onto convex sets converge to a common point.
     for _ in 0..ROUNDS {
@@ -74,7 +75,7 @@ fn point_in(part: &PlacedPart, hand_box: &HandBox) -> Vec3 {
     point
 }
 
-fn lowest_corner_m(hand_box: &HandBox, up: Vec3) -> Vec3 {
+fn lowest_corner_m(gripper_box: &GripperBox, up: Vec3) -> Vec3 {
     let down = |along: f32| if along > 0.0 { -1.0 } else { 1.0 };
-    hand_box.centre_m + hand_box.half_m * Vec3::new(down(up.x), down(up.y), down(up.z))
+    gripper_box.centre_m + gripper_box.half_m * Vec3::new(down(up.x), down(up.y), down(up.z))
 }

@@ -128,8 +128,8 @@ impl Run<'_> {
         let Some(direction) = rest_m.try_normalize() else { return true };
         let placed = |id: usize| self.setup.gate.placed_at(Some(id), &self.engine.pose(id));
         let mut movers = placed(self.target);
-        let hand = self.setup.gripper.open_hand().into_iter().zip(self.engine.hand_moved_m());
-        movers.extend(hand.map(|(hand_box, moved_m)| PlacedPart::from_box(&hand_box, moved_m)));
+        let hand = self.setup.gripper.open_gripper().into_iter().zip(self.engine.gripper_moved_m());
+        movers.extend(hand.map(|(gripper_box, moved_m)| PlacedPart::from_box(&gripper_box, moved_m)));
         let fixtures = self.setup.gate.placed_at(None, &self.workspace_from_grasp.inverse());
         self.others().flat_map(placed).chain(fixtures).all(|other| {
             movers.iter().all(|mover| {

@@ -522,7 +522,7 @@ impl AttemptEngine for Stepper<'_> {
         self.jaws.move_to(position_m, self.step_s);
     }
 
-    fn hand_moved_m(&self) -> [Vec3; 3] {
+    fn gripper_moved_m(&self) -> [Vec3; 3] {
         self.jaws.moved_m()
     }
 

@@ -1,6 +1,6 @@
 //! Convex parts as points and axes, for tests without time steps.
 
-use schema::{HandBox, Polyhedron, Pose, Vec3};
+use schema::{GripperBox, Polyhedron, Pose, Vec3};
 
 use wide::f32x4;
 
@@ -58,7 +58,7 @@ impl TestedPart {
     }
 
     /// The part at a pose if it is near one of some boxes.
-    pub(crate) fn near(&self, pose: &Pose, boxes: &[HandBox]) -> Option<PlacedPart> {
+    pub(crate) fn near(&self, pose: &Pose, boxes: &[GripperBox]) -> Option<PlacedPart> {
         let centre_m = pose.transform_point(self.centre_m);
         let edges = || self.edges.iter().map(|e| pose.rotation * *e).collect();
         let is_near = boxes.iter().any(|b| b.is_near(centre_m, self.radius_m));
@@ -68,13 +68,13 @@ impl TestedPart {
 
 impl PlacedPart {
     /// An axis-parallel box, moved by `offset_m`.
-    pub(crate) fn from_box(hand_box: &HandBox, offset_m: Vec3) -> Self {
-        let centre_m = hand_box.centre_m + offset_m;
+    pub(crate) fn from_box(gripper_box: &GripperBox, offset_m: Vec3) -> Self {
+        let centre_m = gripper_box.centre_m + offset_m;
         let sign = |corner: usize, bit: usize| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
-        let corner = |c: usize| centre_m + hand_box.half_m * Vec3::new(sign(c, 0), sign(c, 1), sign(c, 2));
+        let corner = |c: usize| centre_m + gripper_box.half_m * Vec3::new(sign(c, 0), sign(c, 1), sign(c, 2));
         Self {
             centre_m,
-            radius_m: hand_box.half_m.length(),
+            radius_m: gripper_box.half_m.length(),
             corners_m: vec![wide(&[0, 1, 2, 3].map(corner)), wide(&[4, 5, 6, 7].map(corner))],
             normals: vec![Vec3::X, Vec3::Y, Vec3::Z],
             edges: Vec::new(),
@@ -90,17 +90,17 @@ impl PlacedPart {
     /// the products of their edges. All in the box's axes.
     ///
     /// (parry's own test runs GJK, which took a faceted cylinder half a millimetre away for a touching one.)
-    pub(crate) fn overlaps(&self, hand_box: &HandBox) -> bool {
+    pub(crate) fn overlaps(&self, gripper_box: &GripperBox) -> bool {
         let parted = |axis: Vec3| {
             let [low, high] = self.span(axis);
-            let (middle, reach) = (axis.dot(hand_box.centre_m), axis.abs().dot(hand_box.half_m));
+            let (middle, reach) = (axis.dot(gripper_box.centre_m), axis.abs().dot(gripper_box.half_m));
             low - middle > reach || high - middle < -reach
         };
         let axes = [Vec3::X, Vec3::Y, Vec3::Z];
-        if !hand_box.is_near(self.centre_m, self.radius_m) || axes.into_iter().any(parted) {
+        if !gripper_box.is_near(self.centre_m, self.radius_m) || axes.into_iter().any(parted) {
             return false;
         }
-        if self.has_corner_in(hand_box) {
+        if self.has_corner_in(gripper_box) {
             return true;
         }
         let crossed = axes.iter().flat_map(|a| self.edges.iter().map(|e| a.cross(*e)));
@@ -110,11 +110,11 @@ impl PlacedPart {
     }
 
     /// Whether a corner is within a box, by more than rounding.
-    fn has_corner_in(&self, hand_box: &HandBox) -> bool {
+    fn has_corner_in(&self, gripper_box: &GripperBox) -> bool {
         self.corners_m.iter().any(|corners| {
             let is_within = |axis: usize| {
-                let half_m = hand_box.half_m[axis] - ROUNDING_M;
-                (corners[axis] - f32x4::splat(hand_box.centre_m[axis])).abs().simd_lt(f32x4::splat(half_m))
+                let half_m = gripper_box.half_m[axis] - ROUNDING_M;
+                (corners[axis] - f32x4::splat(gripper_box.centre_m[axis])).abs().simd_lt(f32x4::splat(half_m))
             };
             (is_within(0) & is_within(1) & is_within(2)).any()
         })
@@ -167,7 +167,7 @@ mod tests {
         let other =
             TestedPart::new(&Polyhedron::from(&solid)).placed(&Pose::from_translation(Vec3::new(0.0, 0.1, 0.0)));
         let way = |y_m: f32, x_m: f32, direction: Vec3| {
-            let mover = HandBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(0.01) };
+            let mover = GripperBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(0.01) };
             PlacedPart::from_box(&mover, Vec3::new(x_m, y_m, 0.0)).free_way_m(&other, direction)
         };
         assert!((way(0.0, 0.0, Vec3::Y) - 0.08).abs() < 1e-6);

@@ -125,11 +125,11 @@ impl Moment<'_> {
         (0..self.object_count).map(|id| self.workspace_from_grasp * self.engine.pose(id)).collect()
     }
 
-    /// Workspace poses of the boxes of [`schema::Gripper::open_hand`]: each maps the open hand's frame to where that
+    /// Workspace poses of the boxes of [`schema::Gripper::open_gripper`]: each maps the open hand's frame to where that
     /// box is now.
     #[must_use]
-    pub fn hand(&self) -> [Pose; 3] {
-        self.engine.hand_moved_m().map(|moved_m| self.workspace_from_grasp * Pose::from_translation(moved_m))
+    pub fn gripper(&self) -> [Pose; 3] {
+        self.engine.gripper_moved_m().map(|moved_m| self.workspace_from_grasp * Pose::from_translation(moved_m))
     }
 
     /// All contacts on the hand or on an object.

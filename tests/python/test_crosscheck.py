@@ -14,7 +14,7 @@ from crosscheck import cli, coulomb, dataset, engines, gate
 from crosscheck.agreement import agreement, confusion, kappas
 from crosscheck.attempt import Runner
 from crosscheck.bullet import stable_rate_hz
-from crosscheck.contract import Attempt, HandBox, Scene, SceneObject, retreat_direction, smoothstep, steps
+from crosscheck.contract import Attempt, GripperBox, Scene, SceneObject, retreat_direction, smoothstep, steps
 from crosscheck.coulomb import lag_m
 from crosscheck.hull import hull_of
 from crosscheck.pose import Pose, quat_from_vector
@@ -62,7 +62,7 @@ def test_shrinking_moves_every_face_by_the_margin(solid):
 
 def gap(solid: Solid, rotation_vector: list, position: list, half: list) -> float:
     pose = Pose(np.array(position, dtype=float), quat_from_vector(np.array(rotation_vector, dtype=float)))
-    box = HandBox(np.zeros(3), np.array(half, dtype=float))
+    box = GripperBox(np.zeros(3), np.array(half, dtype=float))
     return float(gate.separation(solid, pose.rotation[None], pose.position_m[None], [box])[0, 0])
 
 

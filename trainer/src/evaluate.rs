@@ -22,7 +22,7 @@ use crate::data::{GraspDataset, Set, for_each_batch};
 use crate::device::Device;
 use crate::fit::TEST_BATCH;
 use crate::judge::Judge;
-use crate::judge::scores::HandScores;
+use crate::judge::scores::JudgeScores;
 use crate::method::{FoundBy, Method};
 use crate::metrics::{Summary, Tally, summaries, tallies};
 use crate::order::{SceneOrder, steps_in_order};
@@ -76,7 +76,7 @@ pub struct Evaluation {
     pub by_rule: BTreeMap<&'static str, Summary>,
     /// What only a judge is asked.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub hands: Option<HandScores>,
+    pub hands: Option<JudgeScores>,
 }
 
 /// Evaluates a checkpoint on a set of a dataset.
@@ -92,7 +92,7 @@ pub fn evaluate(path: &Path, data: impl Into<Location>, set: TestSet) -> Result<
             evaluated(Voxel::new(*params, Device::Host), &checkpoint, &dataset, set, trained_on, path)
         }
         Architecture::Judge(scope) => {
-            let hands = dataset.info().hands();
+            let hands = dataset.info().grippers();
             hands.iter().try_for_each(|hand| scope.must_match(hand, &dataset.info().grid))?;
             evaluated(Judge::new(scope, hands.iter()), &checkpoint, &dataset, set, trained_on, path)
         }

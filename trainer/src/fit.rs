@@ -217,7 +217,7 @@ pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Devic
 
 /// The hands of the first dataset, then those of the next.
 pub(crate) fn hands_of(datasets: &[Dataset]) -> impl Iterator<Item = &Gripper> {
-    datasets.iter().flat_map(|dataset| dataset.info().hands())
+    datasets.iter().flat_map(|dataset| dataset.info().grippers())
 }
 
 /// What stays the same during training.

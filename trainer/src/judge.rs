@@ -17,7 +17,7 @@ use crate::data::split_bits::{FAILED, HELD, HITS_TABLE};
 use crate::method::{Epoch, Method};
 use crate::scores::GraspErrors;
 use sample::{Found, Sample, SampleResult, StepResult};
-use scores::{HandScores, hand_scores};
+use scores::{JudgeScores, judge_scores};
 
 /// A judge of some hands: those of the first dataset, then those of the next.
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ impl Method for Judge {
     }
 
     fn samples(&self, shard: &Shard<'_>, attempts: &[AttemptRecord], views: usize) -> (Vec<Sample>, u64) {
-        let count = shard.dataset.info().hands().len() as u64;
+        let count = shard.dataset.info().grippers().len() as u64;
         let sample = |attempt: &AttemptRecord| {
             let AttemptRecord { scene_id, workspace_from_grasp, outcome, robustness, .. } = *attempt;
             let crop = shard.first_hand + (scene_id % count) as usize;
@@ -84,7 +84,7 @@ impl Method for Judge {
         step::evaluate(vector, batch, &self.crops)
     }
 
-    fn own_scores(found: &[Found], _: f32) -> ([GraspErrors; 2], Option<HandScores>) {
-        (Default::default(), Some(hand_scores(found)))
+    fn own_scores(found: &[Found], _: f32) -> ([GraspErrors; 2], Option<JudgeScores>) {
+        (Default::default(), Some(judge_scores(found)))
     }
 }

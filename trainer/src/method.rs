@@ -7,7 +7,7 @@ use schema::{AttemptRecord, Grid};
 
 use crate::batch::{Batch, Sample, Scene};
 use crate::data::Shard;
-use crate::judge::scores::HandScores;
+use crate::judge::scores::JudgeScores;
 use crate::results::{Found, SampleResult, StepResult};
 use crate::scores::GraspErrors;
 use crate::split::LabelCount;
@@ -53,7 +53,7 @@ pub trait Method: Debug + Send + Sync {
     fn evaluate(&self, vector: &[f32], batch: &Batch<Self::Data>) -> Vec<SampleResult<Self::Answer>>;
 
     /// What only this method's results have: the errors of its grasps, of all and of the sure ones, or scores of hands.
-    fn own_scores(found: &[FoundBy<Self>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<HandScores>)
+    fn own_scores(found: &[FoundBy<Self>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<JudgeScores>)
     where
         Self: Sized;
 }

@@ -21,7 +21,7 @@ use crate::config::VoxelConfig;
 use crate::data::Shard;
 use crate::data::split_bits::{FAILED, HELD};
 use crate::device::Device;
-use crate::judge::scores::HandScores;
+use crate::judge::scores::JudgeScores;
 use crate::method::{Epoch, Method};
 use crate::results;
 use crate::scores::GraspErrors;
@@ -122,7 +122,7 @@ impl Method for Voxel {
         step::evaluate(vector, batch, &self.params, &self.device)
     }
 
-    fn own_scores(found: &[Found], voxel_size_m: f32) -> ([GraspErrors; 2], Option<HandScores>) {
+    fn own_scores(found: &[Found], voxel_size_m: f32) -> ([GraspErrors; 2], Option<JudgeScores>) {
         // Those with more than the paper's ε = 0.9.
         let sure = found.iter().filter(|(_, result)| result.quality_logit > libm::logf(9.0));
         ([errors(found.iter(), voxel_size_m), errors(sure, voxel_size_m)], None)

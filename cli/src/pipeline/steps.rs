@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use network::checkpoint::{self, Checkpoint};
 use program::{Failure, command_line};
-use schema::{Grid, Gripper, Hands};
+use schema::{Grid, Gripper, Grippers};
 use settings::{Document, settings, words};
 use toml::{Table, Value};
 use trainer::config::JUDGE;
@@ -27,7 +27,7 @@ const EXPERIMENTS: [(&str, &str); 4] = [
 ];
 
 /// The judge of many hands, and its path in the source tree.
-pub(crate) const MANY_HANDS: (&[u8], &str) =
+pub(crate) const MANY_GRIPPERS: (&[u8], &str) =
     (include_bytes!("../../../models/judge-any-jaw.safetensors"), "models/judge-any-jaw.safetensors");
 
 /// The test set, and the generator's settings for it and for experiments with the objects besides the primitives.
@@ -71,7 +71,7 @@ words! {
 
 settings! {
     struct Held {
-        gripper: Hands,
+        gripper: Grippers,
     }
 }
 
@@ -338,7 +338,7 @@ impl Views {
 }
 
 /// The hands of a name or a file.
-fn hands(hand: &str) -> Result<Hands, Failure> {
+fn hands(hand: &str) -> Result<Grippers, Failure> {
     let text = Table::from_iter([("gripper".to_owned(), Value::String(hand.to_owned()))]).to_string();
     let Held { gripper } = Document::parse(&text, Path::new("HAND"))?.read()?;
     Ok(gripper)
@@ -349,7 +349,7 @@ fn hands(hand: &str) -> Result<Hands, Failure> {
 /// # Errors
 /// If there is no such hand.
 pub(crate) fn is_known(hand: &str) -> Result<bool, Failure> {
-    let judge = checkpoint::from_bytes(MANY_HANDS.0, Path::new(MANY_HANDS.1))?;
+    let judge = checkpoint::from_bytes(MANY_GRIPPERS.0, Path::new(MANY_GRIPPERS.1))?;
     Ok(hands(hand)?.only().is_some() && must_answer_for(&judge, hand).is_ok())
 }
 
@@ -448,7 +448,7 @@ mod tests {
 
     #[test]
     fn weights_to_begin_with_answer_for_the_hand() {
-        let judge = checkpoint::from_bytes(MANY_HANDS.0, Path::new(MANY_HANDS.1)).unwrap();
+        let judge = checkpoint::from_bytes(MANY_GRIPPERS.0, Path::new(MANY_GRIPPERS.1)).unwrap();
         assert!(must_answer_for(&judge, "robotiq_hand_e").is_ok());
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("wide.toml");

@@ -49,10 +49,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 fn page(gripper: &Gripper) -> String {
     let mut view = View::new(&gripper.name);
     let down = Pose::from_parts(Vec3::ZERO, Quat::from_xyzw(1.0, 0.0, 0.0, 0.0));
-    view.bodies.extend(gripper.open_hand().iter().map(|part| {
+    view.bodies.extend(gripper.open_gripper().iter().map(|part| {
         let [x_mm, y_mm, z_mm] = (2e3 * part.half_m).to_array();
         let label = format!("{x_mm:.1} mm along x, {y_mm:.1} mm along y, {z_mm:.1} mm along z");
-        Body::of_box(Class::Hand, label, part, &[down])
+        Body::of_box(Class::Gripper, label, part, &[down])
     }));
     let flange_m = gripper.target_from_flange(&Pose::IDENTITY).map(|flange| ("the flange", flange.translation));
     let axes =

@@ -2,7 +2,7 @@
 
 use planner::plan::{Plan, PointLabel, RankedGrasp, RejectReason};
 use program::{ExitCode, Failure};
-use report::overlay::{Hand, grey, overlay};
+use report::overlay::{Grasp as DrawnGrasp, grey, overlay};
 use report::view::{Body, Class, Line, View, flat_points};
 use schema::{ColorImage, Gripper, Outcome};
 
@@ -22,10 +22,10 @@ pub fn page(plan: &Plan, gripper: &Gripper, title: &str) -> String {
         let at = object.map_or(String::new(), |object| format!("\nat object {object}"));
         let label = format!("grasp {rank}: quality {quality:.3}{width}{at}");
         if *rank == 1 {
-            let part = |part| Body::of_box(Class::Hand, label.clone(), &part, &[*workspace_from_grasp]);
-            view.bodies.extend(gripper.hand(*opening_m).into_iter().map(part));
+            let part = |part| Body::of_box(Class::Gripper, label.clone(), &part, &[*workspace_from_grasp]);
+            view.bodies.extend(gripper.boxes(*opening_m).into_iter().map(part));
         } else {
-            view.lines.push(Line::fork(Class::Hand, label, gripper, workspace_from_grasp, *opening_m));
+            view.lines.push(Line::fork(Class::Gripper, label, gripper, workspace_from_grasp, *opening_m));
         }
     }
     for dropped in plan.dropped.iter().filter(|one| matches!(one.reason, RejectReason::Collision { .. })) {
@@ -79,9 +79,9 @@ pub fn draw_into(
     };
     let best = plan.grasps.iter().take(DRAWN_MAX);
     let hand = |grasp: &RankedGrasp| {
-        grasp.camera_from_grasp.map(|camera_from_grasp| Hand { camera_from_grasp, opening_m: grasp.opening_m })
+        grasp.camera_from_grasp.map(|camera_from_grasp| DrawnGrasp { camera_from_grasp, opening_m: grasp.opening_m })
     };
-    let hands: Vec<Hand> = best.filter_map(hand).collect();
+    let hands: Vec<DrawnGrasp> = best.filter_map(hand).collect();
     overlay(color.unwrap_or_else(|| grey(image)), &camera.intrinsics, &hands, gripper)
 }
 
@@ -113,7 +113,7 @@ mod tests {
         assert_eq!((shown.bodies.len(), finger.poses.len()), (3, 1));
         assert!((Vec3::from_slice(&finger.poses[0][..3]) - best.translation).length() < 1e-6);
         let others = plan.grasps.len().min(SHOWN_MAX) - 1;
-        assert_eq!(shown.lines.iter().filter(|line| line.class == Class::Hand).count(), others);
+        assert_eq!(shown.lines.iter().filter(|line| line.class == Class::Gripper).count(), others);
         plan.cloud.points_m[0] = Vec3::splat(f32::NAN);
         plan.grasps.clear();
         let without = view(&page(&plan, gripper, "<demo>"));

@@ -7,7 +7,7 @@ use std::path::Path;
 use program::{Context, Failure, json, write};
 use report::document::{Block, Cell, Document, Table};
 use trainer::evaluate::Evaluation;
-use trainer::judge::scores::HandScores;
+use trainer::judge::scores::JudgeScores;
 use trainer::metrics::Summary;
 use trainer::scores::{BINS, GraspErrors, Spread};
 
@@ -76,8 +76,8 @@ fn off_by(which: &str, errors: &GraspErrors) -> [Vec<Cell>; 4] {
 }
 
 /// What only a judge's evaluation has.
-fn of_hands(hands: &HandScores) -> Vec<Vec<Cell>> {
-    let HandScores { table_free: free, scenes_with_held, best_held, best_held_95, robustness, .. } = hands;
+fn of_hands(hands: &JudgeScores) -> Vec<Vec<Cell>> {
+    let JudgeScores { table_free: free, scenes_with_held, best_held, best_held_95, robustness, .. } = hands;
     let mut rows = vec![
         row(format!("accuracy, {} attempts that do not hit the table", free.all.samples), number(free.all.accuracy)),
         row("accuracy of always \"failure\", the same", number(free.all.baseline_accuracy)),

@@ -3,7 +3,7 @@
 mod bad_input;
 mod beyond_the_paper;
 mod fixture;
-mod hands;
+mod grippers;
 mod interchange;
 mod learning;
 mod models;

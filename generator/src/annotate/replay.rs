@@ -73,7 +73,7 @@ fn replay(world: &FloatingWorld<'_>, set: &ObjectGrasps, number: u64, origin_m: 
     let [there, back] = [origin_m, -origin_m].map(Pose::from_translation);
     for frame in &mut recording.frames {
         frame.objects.iter_mut().for_each(|pose| *pose = there * *pose * back);
-        frame.hand.iter_mut().for_each(|pose| *pose = there * *pose);
+        frame.gripper.iter_mut().for_each(|pose| *pose = there * *pose);
     }
     recording.contacts.iter_mut().flat_map(|touch| &mut touch.points_m).for_each(|point_m| *point_m += origin_m);
     recording.blocked.iter_mut().for_each(|blocked| blocked.point_m += origin_m);
@@ -126,7 +126,7 @@ mod tests {
         assert_eq!(outcome, Outcome::Held);
         let closes = recording.events.iter().find(|event| event.text == "close").unwrap().frame;
         let frames = &recording.frames;
-        assert!(frames[closes..].iter().all(|frame| frame.hand[2] == frames[closes].hand[2]), "the palm");
+        assert!(frames[closes..].iter().all(|frame| frame.gripper[2] == frames[closes].gripper[2]), "the palm");
         assert!(
             frames[closes..].iter().any(|frame| frame.objects != frames[0].objects),
             "the object gives way a little"

@@ -6,7 +6,7 @@ use std::path::Path;
 use program::Failure;
 use program::text::{grouped, percent};
 use report::document::{Block, Document, Picture};
-use report::picture::{Hand, Scene, svg};
+use report::picture::{Grasp, Scene, svg};
 use report::view::folder::{INDEX, ListedAttempt, Shelf, object_file};
 use report::view::{Body, Class, Line, Measure, View};
 use schema::{Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
@@ -174,7 +174,7 @@ fn grasps_svg(set: &ObjectGrasps) -> String {
     let placed = |pose: &Pose| Pose::from_parts(pose.translation + lift_m, pose.rotation);
     let hand = |number: u64| {
         let grasp = held[number as usize];
-        Hand {
+        Grasp {
             workspace_from_grasp: placed(&grasp.object_from_grasp),
             width_m: grasp.width_m.unwrap_or(set.gripper.opening_m_max),
             outcome: grasp.outcome,

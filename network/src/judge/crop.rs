@@ -6,7 +6,7 @@
 //! hands of other dimensions. A wider and coarser box about the tips shows what the hand would hold as a whole, and
 //! what lies around it: whether it is gripped beside its middle, and what else would move.
 
-use schema::{Grid, Gripper, HandBox, Mat3, Pose, Vec3, VoxelGrid};
+use schema::{Grid, Gripper, GripperBox, Mat3, Pose, Vec3, VoxelGrid};
 
 use crate::kernels::conv::Extent;
 
@@ -161,7 +161,7 @@ pub struct Crop {
     /// The points of both boxes that a [`super::Screen`] looks at, in the grasp frame.
     few_m: Vec<Vec3>,
     /// What the hand sweeps, with its clearance.
-    swept: Vec<HandBox>,
+    swept: Vec<GripperBox>,
     /// The hand's own facts.
     dimensions: [f32; 10],
     table_z_m: f32,
@@ -180,8 +180,8 @@ impl Crop {
     #[must_use]
     pub fn new(gripper: &Gripper, pregrasp_distance_m: f32, grid: &Grid) -> Self {
         // Judges know hands of three boxes, with fingers that are as thick at their tips.
-        let hand = Gripper { finger_tip: None, ..gripper.clone() }.open_hand();
-        let sweep: Vec<HandBox> = hand.iter().map(|b| b.swept_back(pregrasp_distance_m)).collect();
+        let hand = Gripper { finger_tip: None, ..gripper.clone() }.open_gripper();
+        let sweep: Vec<GripperBox> = hand.iter().map(|b| b.swept_back(pregrasp_distance_m)).collect();
         let low = sweep.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = sweep.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
         let high = high + Vec3::new(0.0, 0.0, BEYOND_M);
@@ -313,8 +313,8 @@ fn clipped(distance_m: f32) -> f32 {
 }
 
 /// Signed distance to a box.
-fn distance_m(hand_box: &HandBox, point_m: Vec3) -> f32 {
-    let outside = (point_m - hand_box.centre_m).abs() - hand_box.half_m;
+fn distance_m(gripper_box: &GripperBox, point_m: Vec3) -> f32 {
+    let outside = (point_m - gripper_box.centre_m).abs() - gripper_box.half_m;
     outside.max(Vec3::ZERO).length() + outside.max_element().min(0.0)
 }
 

@@ -10,7 +10,7 @@ use core::f32::consts::FRAC_PI_4;
 use schema::{Grasp, Gripper, Pose, Vec3, axis_angle};
 
 use crate::config::CollisionParams;
-use crate::hand::HandVolume;
+use crate::gripper_volume::GripperVolume;
 
 /// Between turns that are tried: a box that is off by half of it is 2 mm wider.
 const STEP_RAD: f32 = FRAC_PI_4 / 9.0;
@@ -28,7 +28,7 @@ const TURN_COST_M: f32 = 0.005;
 /// What is needed to close a hand on a cloud.
 pub(crate) struct Closer<'a> {
     gripper: &'a Gripper,
-    sweep: HandVolume,
+    sweep: GripperVolume,
     points_max: usize,
     /// The whole cloud, which is in the way.
     cloud_m: &'a [Vec3],
@@ -46,7 +46,7 @@ impl<'a> Closer<'a> {
     ) -> Self {
         Self {
             gripper,
-            sweep: HandVolume::swept(gripper, collision),
+            sweep: GripperVolume::swept(gripper, collision),
             points_max: collision.points_max,
             cloud_m,
             things_m,

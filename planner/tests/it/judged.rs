@@ -42,7 +42,7 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
         assert!(ranked.quality >= epsilon && ranked.width_m <= Some(gripper.opening_m_max));
         let approach = ranked.workspace_from_grasp.rotation * Vec3::Z;
         assert!(approach.z < 0.06, "never from below: {approach}");
-        assert!(gripper.open_hand().iter().all(|part| part.lowest_z_m(&ranked.workspace_from_grasp) >= 0.05));
+        assert!(gripper.open_gripper().iter().all(|part| part.lowest_z_m(&ranked.workspace_from_grasp) >= 0.05));
         for other in &plan.grasps[..place] {
             let apart = other.workspace_from_grasp.translation - ranked.workspace_from_grasp.translation;
             assert!(apart.length() >= apart_m);

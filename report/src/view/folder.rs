@@ -186,7 +186,7 @@ mod tests {
     use std::io::Read;
 
     use flate2::read::ZlibDecoder;
-    use schema::{HandBox, Pose, Vec3};
+    use schema::{GripperBox, Pose, Vec3};
 
     use super::*;
     use crate::view::{Body, Class};
@@ -201,13 +201,13 @@ mod tests {
 
     #[test]
     fn a_packed_replay_leaves_out_what_its_scene_and_the_pose_before_have() {
-        let hand = HandBox { centre_m: Vec3::ZERO, half_m: Vec3::ONE };
+        let hand = GripperBox { centre_m: Vec3::ZERO, half_m: Vec3::ONE };
         let block = |class| Body::of_box(class, "block", &hand, &[Pose::IDENTITY]);
         let scene = View { bodies: vec![Body::table(0.3, 0.05), block(Class::Object)], ..View::new("Scene 7") };
         let mut replay = View { bodies: vec![Body::table(0.3, 0.1), block(Class::Target)], ..View::new("7/19: held") };
         let pose = |at: u16| [0.1, 0.2, 0.3 + f32::from(at) * 1e-3, 0.0, 0.0, 0.0, 1.0];
         replay.bodies[1].poses = (0..100).map(pose).collect();
-        replay.bodies.push(Body { poses: replay.bodies[1].poses.clone(), ..block(Class::Hand) });
+        replay.bodies.push(Body { poses: replay.bodies[1].poses.clone(), ..block(Class::Gripper) });
         let packed = replay.clone().packed(&scene);
         assert!(packed.len() * 4 < replay.to_json().len(), "{}", packed.len());
         let mut json = String::new();

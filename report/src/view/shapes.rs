@@ -1,6 +1,6 @@
 //! Solids, hands, tables and cameras as bodies and lines of a view.
 
-use schema::{Grid, Gripper, HandBox, Intrinsics, ObjectRecord, Polyhedron, Pose, SceneRecord, Vec3};
+use schema::{Grid, Gripper, GripperBox, Intrinsics, ObjectRecord, Polyhedron, Pose, SceneRecord, Vec3};
 
 use super::{Body, Class, Line, flat, flat_points};
 
@@ -57,11 +57,11 @@ impl Body {
 
     /// An axis-parallel box in its frame.
     #[must_use]
-    pub fn of_box(class: Class, label: impl Into<String>, hand_box: &HandBox, poses: &[Pose]) -> Self {
+    pub fn of_box(class: Class, label: impl Into<String>, gripper_box: &GripperBox, poses: &[Pose]) -> Self {
         Self {
             class,
             label: label.into(),
-            corners_m: flat_points(box_corners_m(hand_box)),
+            corners_m: flat_points(box_corners_m(gripper_box)),
             faces: BOX_FACES.map(Vec::from).into(),
             poses: poses.iter().map(flat).collect(),
         }
@@ -73,14 +73,14 @@ impl Body {
         let half_m = Vec3::new(0.5 * size_m, 0.5 * size_m, 0.5 * TABLE_THICKNESS_M);
         let centre_m = Vec3::new(half_m.x, half_m.y, table_z_m - half_m.z);
         let label = format!("table, {:.0} mm above the workspace's floor", table_z_m * 1000.0);
-        Self::of_box(Class::Table, label, &HandBox { centre_m, half_m }, &[Pose::IDENTITY])
+        Self::of_box(Class::Table, label, &GripperBox { centre_m, half_m }, &[Pose::IDENTITY])
     }
 }
 
-pub(crate) fn box_corners_m(hand_box: &HandBox) -> impl Iterator<Item = Vec3> {
+pub(crate) fn box_corners_m(gripper_box: &GripperBox) -> impl Iterator<Item = Vec3> {
     let sign = |corner: usize, bit: usize| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
     let corner = move |c: usize| Vec3::new(sign(c, 0), sign(c, 1), sign(c, 2));
-    (0..8).map(move |c| hand_box.centre_m + hand_box.half_m * corner(c))
+    (0..8).map(move |c| gripper_box.centre_m + gripper_box.half_m * corner(c))
 }
 
 impl Line {
@@ -89,7 +89,7 @@ impl Line {
     #[must_use]
     pub fn workspace([low_m, high_m]: [Vec3; 2]) -> Self {
         let (centre_m, half_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
-        let corners: Vec<Vec3> = box_corners_m(&HandBox { centre_m, half_m }).collect();
+        let corners: Vec<Vec3> = box_corners_m(&GripperBox { centre_m, half_m }).collect();
         let way = [0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4];
         let [x, y, z] = (2e3 * half_m).to_array();
         let label = if x == y && y == z {
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn a_fork_s_tips_are_where_the_fingers_end() {
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
-        let fork = Line::fork(Class::Hand, "", &gripper, &Pose::from_translation(Vec3::X), 0.03);
+        let fork = Line::fork(Class::Gripper, "", &gripper, &Pose::from_translation(Vec3::X), 0.03);
         let (first, last) = (vector(fork.points_m[0]), vector(fork.points_m[6]));
         assert!(((last - first).length() - 0.03 - gripper.finger_thickness_m).abs() < 1e-6);
         assert!((0.5 * (first + last) - Vec3::X).length() < 1e-6, "midway between the tips is the grasp");

@@ -176,7 +176,7 @@ pub(crate) fn scene_rows(rows: &SceneRows, info: &DatasetInfo) -> Checked {
     tsdf(&rows.scene.tsdf, info)?;
     links(&rows.scene, &rows.objects, &rows.attempts)?;
     rows.objects.iter().try_for_each(|o| object(o).and_then(|()| model(o, info)))?;
-    rows.attempts.iter().try_for_each(|a| attempt(a, info.hand_of(rows.scene.scene_id)))
+    rows.attempts.iter().try_for_each(|a| attempt(a, info.gripper_of(rows.scene.scene_id)))
 }
 
 /// Checks the keys among the rows of one scene: ids count up from 0, and attempts refer to objects of their shape.

@@ -155,7 +155,7 @@ pub struct Form {
     /// Voxels of a TSDF along a side.
     pub resolution: usize,
     /// Whether there are several hands.
-    pub has_hands: bool,
+    pub has_grippers: bool,
     /// Whether there may be containers.
     pub has_containers: bool,
     /// Whether attempts were repeated.
@@ -189,7 +189,7 @@ impl Table {
     pub(crate) fn columns(self, form: Form) -> Vec<&'static Column> {
         let parts: &[(&[Column], bool)] = match self {
             Self::Attempts => &[(ATTEMPTS, true), (OF_REPEATS, form.has_repeats)],
-            Self::Scenes => &[(SCENES, true), (OF_HANDS, form.has_hands), (OF_CONTAINERS, form.has_containers)],
+            Self::Scenes => &[(SCENES, true), (OF_HANDS, form.has_grippers), (OF_CONTAINERS, form.has_containers)],
             Self::Objects => &[(OBJECTS, true)],
         };
         parts.iter().filter(|(_, is_there)| *is_there).flat_map(|(columns, _)| *columns).collect()
@@ -268,7 +268,7 @@ pub(crate) fn voxel_type(resolution: usize, depth: usize) -> DataType {
 mod tests {
     use super::*;
 
-    const FORM: Form = Form { resolution: 40, has_hands: true, has_containers: true, has_repeats: true };
+    const FORM: Form = Form { resolution: 40, has_grippers: true, has_containers: true, has_repeats: true };
 
     #[test]
     fn names_are_snake_case_and_unique_within_a_table() {

@@ -124,10 +124,10 @@ pub(crate) fn scenes(batch: &RecordBatch, info: &DatasetInfo) -> Decoded<Vec<Sce
     let unstable = columns.i32s("rejected_unstable")?;
     let views = columns.get("views")?.as_list_opt::<i32>().ok_or_else(|| wrong("views"))?;
     let has_tsdf = batch.column_by_name("tsdf").is_some();
-    if info.form().has_hands {
-        let number = |name: &str| info.hands().iter().position(|hand| hand.name == name);
+    if info.form().has_grippers {
+        let number = |name: &str| info.grippers().iter().position(|hand| hand.name == name);
         for (scene, number) in scene.iter().zip(columns.names(GRIPPER, number)?) {
-            let (expected, got) = (&info.hand_of(*scene).name, &info.hands()[number].name);
+            let (expected, got) = (&info.gripper_of(*scene).name, &info.grippers()[number].name);
             if got != expected {
                 return Err(format!("scene {scene} must have the gripper {expected}, got {got}"));
             }

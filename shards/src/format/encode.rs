@@ -102,8 +102,8 @@ fn scenes(rows: &[&SceneRecord], info: &DatasetInfo) -> Encoded<Vec<ArrayRef>> {
         views(rows)?,
         voxels(rows, form.resolution)?,
     ];
-    if form.has_hands {
-        let hands = info.hands();
+    if form.has_grippers {
+        let hands = info.grippers();
         let vocabulary: Vec<&str> = hands.iter().map(|hand| hand.name.as_str()).collect();
         let of_scene = |row: &SceneRecord| (row.scene_id % hands.len() as u64) as usize;
         columns.push(names(&vocabulary, rows.iter().map(|row| Some(of_scene(row))))?);

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::slice;
 use std::sync::Arc;
 
-use schema::{FACETS, Grid, Gripper, Hands, MODELS_MAX, Model, Procedure, hand_of};
+use schema::{FACETS, Grid, Gripper, Grippers, MODELS_MAX, Model, Procedure, gripper_of};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use settings::{Setting, faults_of, read_stored};
@@ -129,20 +129,20 @@ impl DatasetInfo {
 
     /// Its hands.
     #[must_use]
-    pub fn hands(&self) -> &[Gripper] {
+    pub fn grippers(&self) -> &[Gripper] {
         if self.grippers.is_empty() { slice::from_ref(&self.gripper) } else { &self.grippers }
     }
 
     /// The hand of a scene.
     #[must_use]
-    pub fn hand_of(&self, scene_id: u64) -> &Gripper {
-        hand_of(self.hands(), scene_id)
+    pub fn gripper_of(&self, scene_id: u64) -> &Gripper {
+        gripper_of(self.grippers(), scene_id)
     }
 
     /// How far the widest of its hands opens.
     #[must_use]
     pub fn opening_m_max(&self) -> f32 {
-        self.hands().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max)
+        self.grippers().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max)
     }
 
     /// What its tables' columns depend on.
@@ -150,7 +150,7 @@ impl DatasetInfo {
     pub fn form(&self) -> Form {
         Form {
             resolution: self.grid.resolution,
-            has_hands: !self.grippers.is_empty(),
+            has_grippers: !self.grippers.is_empty(),
             has_containers: self.config.get("container").is_some(),
             has_repeats: self.config.get("robustness").is_some(),
         }
@@ -160,8 +160,8 @@ impl DatasetInfo {
     /// or misinterpret.
     #[must_use]
     pub fn version(&self) -> u32 {
-        let Form { has_hands, has_containers, has_repeats, .. } = self.form();
-        let needed = [(has_repeats, 5), (has_containers, 4), (has_hands, 3), (!self.models.is_empty(), 2)];
+        let Form { has_grippers, has_containers, has_repeats, .. } = self.form();
+        let needed = [(has_repeats, 5), (has_containers, 4), (has_grippers, 3), (!self.models.is_empty(), 2)];
         needed.into_iter().find(|(is_needed, _)| *is_needed).map_or(1, |(_, version)| version)
     }
 
@@ -235,7 +235,7 @@ impl DatasetInfo {
             return Some("must be left out for a single hand".to_owned());
         }
         let differs = (*first != self.gripper).then(|| "must begin with gripper".to_owned());
-        differs.or_else(|| Hands::problem(&self.grippers))
+        differs.or_else(|| Grippers::problem(&self.grippers))
     }
 
     /// A section of the stored config, such as `camera`; `None` if it is not there whole and within its ranges. Whether

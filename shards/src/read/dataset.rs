@@ -141,7 +141,7 @@ impl Dataset {
         let scenes = self.scenes_of(shard)?;
         let mut ids = scenes.flat_map(|scene| (0..self.info.attempts_of_scene(scene)).map(move |id| (scene, id)));
         let check = move |row: Option<&AttemptRecord>| {
-            row.map_or(Ok(()), |row| check::attempt(row, self.info.hand_of(row.scene_id)))?;
+            row.map_or(Ok(()), |row| check::attempt(row, self.info.gripper_of(row.scene_id)))?;
             let is_next = row.map(|row| (row.scene_id, row.attempt_id)) == ids.next();
             if is_next { Ok(()) } else { Err("attempt ids must count up in every scene".to_owned()) }
         };

@@ -8,7 +8,7 @@ mod damage;
 mod disk;
 mod disk_full;
 mod golden;
-mod hands;
+mod grippers;
 mod killed;
 mod models;
 mod round_trip;

@@ -1,10 +1,10 @@
 //! The two fingers in the solver: each has one direction of freedom, the world's y, and a drive.
 
-use schema::{Gripper, HandBox, Vec3};
+use schema::{Gripper, GripperBox, Vec3};
 use wide::f32x4;
 
 use super::contact::lanes;
-use crate::hand::{GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M};
+use crate::gripper::{GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M};
 
 /// How far beyond its widest opening a finger gives way.
 const STOP_M: f32 = 0.001;
@@ -13,7 +13,7 @@ const STOP_M: f32 = 0.001;
 #[derive(Clone, Default)]
 pub(crate) struct Jaws {
     /// As when the hand is open and at the origin.
-    boxes: [HandBox; 3],
+    boxes: [GripperBox; 3],
     /// How far each finger can close.
     closed_m_max: [f32; 2],
     closing_speed_m_s: f32,
@@ -51,7 +51,7 @@ impl Jaws {
     pub(crate) fn new(gripper: &Gripper, closed_m: f32, closed_m_max: [f32; 2]) -> Self {
         let [left, right] = gripper.fingers(gripper.opening_m_max);
         let speed_m_s = if closed_m > 0.0 { gripper.closing_speed_m_s } else { 0.0 };
-        let finger = |(opened, inward): (HandBox, f32)| Finger {
+        let finger = |(opened, inward): (GripperBox, f32)| Finger {
             inward,
             y_m: opened.centre_m.y + inward * closed_m,
             velocity_m_s: inward * speed_m_s,
@@ -73,7 +73,7 @@ impl Jaws {
 
     /// No hand: one without size, far from everything.
     pub(super) fn absent() -> Self {
-        let point = HandBox { centre_m: Vec3::splat(1e6), half_m: Vec3::ZERO };
+        let point = GripperBox { centre_m: Vec3::splat(1e6), half_m: Vec3::ZERO };
         let finger = Finger { inward: 1.0, y_m: 1e6, ..Finger::default() };
         Self { boxes: [point; 3], fastest_m_s: f32::INFINITY, fingers: [finger; 2], ..Self::default() }
     }

@@ -213,13 +213,13 @@ pub(super) fn on_box(
     if best.gap_m > PREDICTION_M {
         return None;
     }
-    let hand_box = TurnedBox { centre_m, half_m, axes: box_axes, world_centre_m: box_centre_m };
-    let patch = hand_box.patch(&best, None, frame, part, scratch);
+    let gripper_box = TurnedBox { centre_m, half_m, axes: box_axes, world_centre_m: box_centre_m };
+    let patch = gripper_box.patch(&best, None, frame, part, scratch);
     if best.gap_m > -OVERLAP_M && patch.is_some_and(|patch| patch.is_as_deep_as(best.gap_m)) {
         return patch;
     }
     let least_m = best.gap_m + if patch.is_some() { EDGE_PREFERENCE_M } else { 0.0 };
-    let Some((gap_m, out, edge, k)) = hand_box.apart_by_edges(part, scratch, least_m) else { return patch };
+    let Some((gap_m, out, edge, k)) = gripper_box.apart_by_edges(part, scratch, least_m) else { return patch };
     if gap_m > PREDICTION_M {
         return None;
     }
@@ -231,7 +231,7 @@ pub(super) fn on_box(
     let facing = [1, 2].into_iter().fold(0, |best, k| if aligned(&k) > aligned(&best) { k } else { best });
     let other = hull.face_towards(out);
     let face = if aligned(&facing) >= hull.normals[other].dot(out) { Side::First(facing) } else { Side::Second(other) };
-    hand_box.patch(&Best { gap_m, face, normal: -out }, Some(on_m), frame, part, scratch)
+    gripper_box.patch(&Best { gap_m, face, normal: -out }, Some(on_m), frame, part, scratch)
 }
 
 /// A box of the hand in a part's frame.

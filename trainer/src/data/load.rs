@@ -111,7 +111,7 @@ impl<'a> Shard<'a> {
             let first_scene = scenes as u32; // checked below
             let shard = |shard| Self { dataset, shard, first_scene, first_attempt, first_hand };
             shards.extend((0..info.shard_count).map(shard));
-            first_hand += info.hands().len();
+            first_hand += info.grippers().len();
             scenes += info.scene_count;
             first_attempt += info.attempt_count;
             // Samples have four bytes for the number of their scene.

@@ -11,7 +11,7 @@ use crate::scores::{Ranking, Score, average_precision_by_scene, calibration, ran
 
 /// Results of a judge that those over all samples hide.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct HandScores {
+pub struct JudgeScores {
     /// Attempts whose hand does not hit the table, which arithmetic knows.
     pub table_free: Scores,
     /// 95 % interval of their average precision by bootstrap over scenes.
@@ -82,7 +82,7 @@ impl Scores {
     }
 }
 
-pub(super) fn hand_scores(found: &[Found]) -> HandScores {
+pub(super) fn judge_scores(found: &[Found]) -> JudgeScores {
     let free = || found.iter().filter(|(sample, _)| !sample.data.hits_table);
     let of_scenes: Vec<(u32, Score)> = free().map(|(sample, result)| (sample.id.scene, score(result))).collect();
     let mut scenes = BTreeMap::<u32, (bool, Score)>::new();
@@ -98,7 +98,7 @@ pub(super) fn hand_scores(found: &[Found]) -> HandScores {
     let best_held = scenes.values().filter(|(_, best)| best.held).count();
     let (held, failed) = (best_held as u64, (with_held - best_held) as u64);
     let counts = Confusion { true_positive: held, false_positive: failed, ..Confusion::default() };
-    HandScores {
+    JudgeScores {
         table_free: Scores::of(&free().map(|(_, result)| *result).collect::<Vec<_>>()),
         average_precision_95_by_scene: average_precision_by_scene(&of_scenes),
         scenes_with_held: with_held,

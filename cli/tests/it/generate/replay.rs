@@ -40,7 +40,7 @@ fn check_view(view: &View, outcome: Outcome) {
     assert_eq!(decided[0].kind == EventKind::Held, outcome == Outcome::Held);
     assert!(decided[0].text.starts_with(outcome.name()), "{}", decided[0].text);
     let bodies = |class| view.bodies.iter().filter(|body| body.class == class).count();
-    assert_eq!((bodies(Class::Hand), bodies(Class::Target), bodies(Class::Table)), (3, 1, 1));
+    assert_eq!((bodies(Class::Gripper), bodies(Class::Target), bodies(Class::Table)), (3, 1, 1));
     let is_stopped = matches!(outcome, Outcome::PregraspCollision | Outcome::ApproachCollision);
     assert_eq!(bodies(Class::Swept), if is_stopped { 3 } else { 0 });
     if is_stopped {

@@ -110,5 +110,5 @@ def opening_m(grasps: ObjectGrasps) -> float | None:
     return None if known_m is None else _arrays.number("info.gripper.opening_m_max", known_m, 0.0, 10.0)
 
 
-def hand_name(grasps: ObjectGrasps) -> str:
+def gripper_name(grasps: ObjectGrasps) -> str:
     return _arrays.text("info.gripper.name", part(grasps, "gripper").get("name", ""))

@@ -10,7 +10,7 @@ from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, Numbers, ObjectGrasps, labels
 from .._files import module
-from ._parts import Hand, about, from_base, hand_name, labelled, opening_m, part, to_base, word
+from ._parts import Hand, about, from_base, gripper_name, labelled, opening_m, part, to_base, word
 
 WHAT = "ACRONYM's HDF5"
 #: From the origin of its frame to the tips, in metres: 0.11217 in its marker, 0.11225 in its mesh of the hand.
@@ -91,5 +91,5 @@ def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
         for key, number in values.items():
             options = {"compression": "gzip", "compression_opts": 4} if np.ndim(number) and np.size(number) else {}
             file.create_dataset(key, data=number, **options)
-        for key, text in (("object/file", grasps.file), ("gripper/type", hand_name(grasps))):
+        for key, text in (("object/file", grasps.file), ("gripper/type", gripper_name(grasps))):
             file.create_dataset(key, data=text, dtype=h5py.string_dtype())

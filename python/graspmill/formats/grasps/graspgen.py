@@ -10,7 +10,7 @@ import numpy as np
 from ... import _arrays
 from ...object_grasps import GRASPS_MAX, ObjectGrasps, labels
 from .._files import loaded_json
-from ._parts import Hand, about, from_base, hand_name, labelled, opening_m, to_base, word
+from ._parts import Hand, about, from_base, gripper_name, labelled, opening_m, to_base, word
 
 WHAT = "JSON"
 
@@ -36,7 +36,7 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
 
 def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
     base_m = hand.known_m(grasps.base_to_tips_m, "the set")
-    gripper = {"name": hand_name(grasps), "width": opening_m(grasps), "depth": base_m}
+    gripper = {"name": gripper_name(grasps), "width": opening_m(grasps), "depth": base_m}
     value = {
         "object": {"file": grasps.file, "scale": grasps.scale_m},
         "gripper": {key: one for key, one in gripper.items() if one is not None},

@@ -13,7 +13,7 @@ from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, ObjectGrasps
 from .._files import module
-from ._parts import PANDA_JOINT, PANDA_NAMES, Hand, about, from_base, hand_name, opening_m, to_base, word
+from ._parts import PANDA_JOINT, PANDA_NAMES, Hand, about, from_base, gripper_name, opening_m, to_base, word
 
 WHAT = "YAML"
 
@@ -83,7 +83,7 @@ def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
     if not ((confidences >= 0.0) & (confidences <= 1.0)).all():
         rule = "held, or a score from 0 to 1, must be known for isaac_grasp"
         raise InputError(f"{rule}, got neither: dataclasses.replace(grasps, held=…) states it")
-    name, widest_m = hand_name(grasps), opening_m(grasps)
+    name, widest_m = gripper_name(grasps), opening_m(grasps)
     lines = ["format: isaac_grasp", "format_version: 1.0"]
     frames = {"object_frame": grasps.name, "gripper_frame": name, "object_file": grasps.file}
     lines += [f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in frames.items() if text]

@@ -49,7 +49,7 @@ fn read_table(data: &[u8]) -> Result<(), String> {
     let one = Part { row_group: Some(0), offset: 1, limit: Some(1), batch_rows: 1, ..Part::default() };
     match table {
         Table::Attempts => {
-            let checked = |row: &AttemptRecord| check::attempt(row, info.hand_of(row.scene_id));
+            let checked = |row: &AttemptRecord| check::attempt(row, info.gripper_of(row.scene_id));
             let of_scene = Part { offset: 3, limit: Some(3), batch_rows: 8192, ..one };
             let read = [whole, of_scene]
                 .map(|part| rows(&file, expected, part, |batch| decode::attempts(batch, &info), checked));

@@ -5,11 +5,11 @@ use settings::{Reader, Setting, Value, settings};
 use crate::{Gripper, Purpose, Stream};
 
 /// Maximum number of hands of a dataset.
-pub const HANDS_MAX: usize = 4096;
+pub const GRIPPERS_MAX: usize = 4096;
 
 /// One hand, or several, each of which has every n-th scene.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Hands(
+pub struct Grippers(
     /// Never empty; the names differ.
     Vec<Gripper>,
 );
@@ -17,9 +17,9 @@ pub struct Hands(
 settings! {
     /// Hands that are drawn: the opening log-uniform in its range, all else uniform.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct RandomHands {
+    pub struct RandomGrippers {
         /// How many.
-        pub count: usize where 2..=HANDS_MAX,
+        pub count: usize where 2..=GRIPPERS_MAX,
         /// Seed of the draw; the dataset's own seed does not change the hands.
         pub seed: u64; or 1,
         /// Distance between the fingers' inner faces when open.
@@ -49,7 +49,7 @@ settings! {
     }
 }
 
-impl RandomHands {
+impl RandomGrippers {
     /// The name of the built-in ranges, and their file.
     const BUILT_IN: (&'static str, &'static str) =
         ("any_jaw", include_str!("../../configs/grippers/ranges/any_jaw.toml"));
@@ -68,7 +68,7 @@ impl RandomHands {
     /// The hands, named `hand_0000` and so on.
     fn draw(&self) -> Vec<Gripper> {
         let hand = |number: usize| {
-            let mut stream = Stream::new(self.seed, number as u64, Purpose::Hands, 0);
+            let mut stream = Stream::new(self.seed, number as u64, Purpose::Grippers, 0);
             // A hand that opens 40 mm differs more from one of 50 than one of 140 from one of 150.
             let opening_m_max = stream.log_uniform(self.opening_m_max);
             let mut within = |[low, high]: [f32; 2]| stream.uniform(low, high);
@@ -95,7 +95,7 @@ impl RandomHands {
 }
 
 /// Read from the name or the path of a hand, a list of them, or a table of ranges, each number drawn from its own.
-impl Setting for Hands {
+impl Setting for Grippers {
     type Limits = ();
 
     fn kind((): &()) -> String {
@@ -106,13 +106,13 @@ impl Setting for Hands {
     fn read(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
         let hands = match value {
             Value::Table(table) if table.contains_key("name") => vec![Gripper::read(value, &(), reader)?],
-            Value::Table(_) => RandomHands::read(value, &(), reader)?.draw(),
+            Value::Table(_) => RandomGrippers::read(value, &(), reader)?.draw(),
             Value::Array(values) => {
                 let read: Vec<_> = values.iter().map(|value| Gripper::read_named(value, &(), reader)).collect();
                 read.into_iter().collect::<Option<_>>()?
             }
-            _ => match RandomHands::text(value, reader) {
-                Some((name, text)) => reader.in_file::<RandomHands>(name, &text)?.draw(),
+            _ => match RandomGrippers::text(value, reader) {
+                Some((name, text)) => reader.in_file::<RandomGrippers>(name, &text)?.draw(),
                 None => vec![Gripper::read_named(value, &(), reader)?],
             },
         };
@@ -124,12 +124,12 @@ impl Setting for Hands {
     }
 }
 
-impl Hands {
+impl Grippers {
     /// Why these cannot be the hands of a dataset.
     #[must_use]
     pub fn problem(hands: &[Gripper]) -> Option<String> {
-        if !(1..=HANDS_MAX).contains(&hands.len()) {
-            return Some(format!("must be between 1 and {HANDS_MAX} hands, got {}", hands.len()));
+        if !(1..=GRIPPERS_MAX).contains(&hands.len()) {
+            return Some(format!("must be between 1 and {GRIPPERS_MAX} hands, got {}", hands.len()));
         }
         let mut names: Vec<&str> = hands.iter().map(|hand| hand.name.as_str()).collect();
         names.sort_unstable();
@@ -146,7 +146,7 @@ impl Hands {
     /// The hand of a scene.
     #[must_use]
     pub fn of_scene(&self, scene_id: u64) -> &Gripper {
-        hand_of(&self.0, scene_id)
+        gripper_of(&self.0, scene_id)
     }
 
     /// The hand, if there is only one.
@@ -156,7 +156,7 @@ impl Hands {
     }
 }
 
-impl From<Gripper> for Hands {
+impl From<Gripper> for Grippers {
     fn from(hand: Gripper) -> Self {
         Self(vec![hand])
     }
@@ -167,7 +167,7 @@ impl From<Gripper> for Hands {
 /// # Panics
 /// Without a hand.
 #[must_use]
-pub fn hand_of(hands: &[Gripper], scene_id: u64) -> &Gripper {
+pub fn gripper_of(hands: &[Gripper], scene_id: u64) -> &Gripper {
     &hands[(scene_id % hands.len() as u64) as usize]
 }
 
@@ -181,11 +181,11 @@ mod tests {
 
     settings! {
         struct Held {
-            gripper: Hands,
+            gripper: Grippers,
         }
     }
 
-    fn read(text: &str) -> Result<Hands, settings::Error> {
+    fn read(text: &str) -> Result<Grippers, settings::Error> {
         Document::parse(text, Path::new("test.toml")).unwrap().read::<Held>().map(|held| held.gripper)
     }
 

@@ -45,7 +45,7 @@ fn a_scene_has_the_hand_whose_turn_it_is() {
         let names = batch.column_by_name("gripper").unwrap().as_dictionary::<Int32Type>();
         let values = names.values().as_string::<i32>();
         for key in names.keys() {
-            assert_eq!(values.value(key.unwrap() as usize), info.hand_of(scene).name);
+            assert_eq!(values.value(key.unwrap() as usize), info.gripper_of(scene).name);
             scene += 1;
         }
     }

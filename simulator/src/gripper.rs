@@ -12,7 +12,7 @@
 //! where asymmetry is how much further this finger has closed than the other.
 
 use rapier3d::prelude::*;
-use schema::{Gripper, HandBox, Physics, Pose, Vec3};
+use schema::{Gripper, GripperBox, Physics, Pose, Vec3};
 
 use crate::bodies::{AttemptEngine, InRapier, RapierThings};
 use crate::contact::{Contact, ContactBody};
@@ -26,7 +26,7 @@ pub(crate) const GEAR_DAMPING_N_S_M: f32 = 20.0;
 const DRIVE_GAIN: f32 = 1e5;
 
 /// A hand in a world.
-pub(crate) struct Hand {
+pub(crate) struct GripperBodies {
     palm: RigidBodyHandle,
     /// Of the left and the right finger, and of the palm.
     colliders: [ColliderHandle; 3],
@@ -42,11 +42,11 @@ struct Finger {
     open_m: Vec3,
 }
 
-impl Hand {
+impl GripperBodies {
     /// Puts the hand at the world's origin, its fingers closed by `closed_m` each, and closing if that is above 0.
     fn insert(world: &mut PhysicsWorld, gripper: &Gripper, closed_m: f32) -> Self {
         let palm = world.bodies.insert(RigidBodyBuilder::kinematic_position_based());
-        let boxed = |b: HandBox| {
+        let boxed = |b: GripperBox| {
             let half = b.half_m * UNITS_PER_M;
             ColliderBuilder::cuboid(half.x, half.y, half.z)
         };
@@ -82,7 +82,7 @@ impl Hand {
 }
 
 /// The hand and its objects in rapier.
-pub(crate) type RapierAttempt = InRapier<Hand>;
+pub(crate) type RapierAttempt = InRapier<GripperBodies>;
 
 impl RapierAttempt {
     /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose
@@ -105,7 +105,7 @@ impl RapierAttempt {
             add_object(&mut world, engine_body, pose, all_awake)
         };
         let bodies = things.bodies.iter().map(add).collect();
-        let hand = Hand::insert(&mut world, gripper, closed_m);
+        let hand = GripperBodies::insert(&mut world, gripper, closed_m);
         Self { world, bodies, fixtures, beside: hand }
     }
 
@@ -159,7 +159,7 @@ impl AttemptEngine for RapierAttempt {
         }
     }
 
-    fn hand_moved_m(&self) -> [Vec3; 3] {
+    fn gripper_moved_m(&self) -> [Vec3; 3] {
         let at_m = |body: RigidBodyHandle| pose_of(&self.world, body).translation;
         let [left, right] = self.beside.fingers.each_ref().map(|finger| at_m(finger.body) - finger.open_m);
         [left, right, at_m(self.beside.palm)]

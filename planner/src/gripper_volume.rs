@@ -1,6 +1,6 @@
 //! The hand at a grasp: which of its two orientations is nearer to the wrist, and whether its way is free.
 
-use schema::{Gripper, HandBox, Pose, Quat, Vec3, pose_from_parts};
+use schema::{Gripper, GripperBox, Pose, Quat, Vec3, pose_from_parts};
 
 use crate::config::CollisionParams;
 
@@ -21,25 +21,25 @@ pub const WRIST_DOWN: Quat = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
 
 /// Boxes in the grasp frame in which points are counted.
 #[derive(Debug, Clone)]
-pub struct HandVolume {
-    boxes: Vec<HandBox>,
+pub struct GripperVolume {
+    boxes: Vec<GripperBox>,
     /// A ball that contains all boxes.
     middle_m: Vec3,
     radius_m: f32,
 }
 
-impl HandVolume {
+impl GripperVolume {
     /// What the open hand sweeps on its way to a grasp, with its clearance: the same sweep decides the labels
     /// (`simulator`'s gate).
     #[must_use]
     pub fn swept(gripper: &Gripper, params: &CollisionParams) -> Self {
         let margin_m = gripper.clearance_m + params.margin_m;
-        let swept = |b: HandBox| b.swept_back(params.pregrasp_distance_m).grown(margin_m);
-        Self::new(gripper.open_hand().into_iter().map(swept).collect())
+        let swept = |b: GripperBox| b.swept_back(params.pregrasp_distance_m).grown(margin_m);
+        Self::new(gripper.open_gripper().into_iter().map(swept).collect())
     }
 
     /// These boxes.
-    pub(crate) fn new(boxes: Vec<HandBox>) -> Self {
+    pub(crate) fn new(boxes: Vec<GripperBox>) -> Self {
         let low = boxes.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = boxes.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
         Self { boxes, middle_m: 0.5 * (low + high), radius_m: 0.5 * (high - low).length() }
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn points_are_hit_where_the_hand_passes_and_nowhere_else() {
         let config = BuiltIn::Paper.config().unwrap();
-        let sweep = HandVolume::swept(&config.gripper, &config.collision);
+        let sweep = GripperVolume::swept(&config.gripper, &config.collision);
         let pose = pose_from_parts(WRIST_DOWN, Vec3::new(0.15, 0.15, 0.1));
         let at = |local: [f32; 3]| sweep.points_inside(&pose, &[pose * Vec3::from_array(local)]);
         let (opening, thickness) = (config.gripper.opening_m_max, config.gripper.finger_thickness_m);
@@ -157,7 +157,7 @@ mod tests {
         #[test]
         fn the_ball_loses_no_point(rotation in rotations(), x in -0.2_f32..0.2, y in -0.2_f32..0.2, z in -0.3_f32..0.1) {
             let config = BuiltIn::Paper.config().unwrap();
-            let sweep = HandVolume::swept(&config.gripper, &config.collision);
+            let sweep = GripperVolume::swept(&config.gripper, &config.collision);
             let pose = pose_from_parts(rotation, Vec3::new(0.1, 0.2, 0.1));
             let local = Vec3::new(x, y, z);
             let slow = sweep.boxes.iter().any(|b| (local - b.centre_m).abs().cmplt(b.half_m - 1e-5).all());

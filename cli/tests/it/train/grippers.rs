@@ -5,7 +5,7 @@ use std::path::Path;
 
 use network::Architecture;
 use network::checkpoint::read;
-use schema::{Gripper, Hands};
+use schema::{Gripper, Grippers};
 use shards::DatasetInfo;
 
 use super::fixture::{check_fails, trainer, write_config, write_dataset_of};
@@ -20,7 +20,7 @@ fn write(folder: &Path, openings_m: &[f32]) -> String {
     let hands: Vec<Gripper> = openings_m.iter().map(|opening_m| opening(&info, *opening_m)).collect();
     info.gripper = hands[0].clone();
     if hands.len() > 1 {
-        assert_eq!(Hands::problem(&hands), None);
+        assert_eq!(Grippers::problem(&hands), None);
         (info.grippers, info.format_version) = (hands, 3);
     }
     write_dataset_of(folder, &info);
