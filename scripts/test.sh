@@ -1,16 +1,17 @@
 #!/usr/bin/env bash
 # All checks that a change must pass. Usage: scripts/test.sh [--quick|--rust-only|--no-torch|--long]
 #
-# --quick: format, house rules, reference pages, locks, subjects of the last commits; under a minute where the programs
-# are built. Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless
-# --rust-only. Python packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the
-# tests that need it; scripts/site.sh, which is a step, has a venv of its own. --long: also the long versions of the
-# Python tests, those marked `long`: ten times as many faults, attacks and hostile datasets, an hour more; and the fuzz
-# targets compile. As root on Debian or Ubuntu, Slurm, strace, faketime, Chromium, zsh and fish are installed, too;
-# elsewhere the tests that need them are skipped with a message, and so is that of real captures where GRASPMILL_REAL
-# names none (by default ../shared/real, if that exists). With GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every
-# step runs even if an earlier one failed, unless it depends on it. The table at the end lists the results and times.
-# Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
+# --quick: format, house rules, reference pages, locks, subjects of the last commits; under a minute where the programs are built.
+# Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only.
+# Python packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the tests that
+# need it; scripts/site.sh, which is a step, has a venv of its own. --long: also the long versions of the Python
+# tests, those marked `long`: ten times as many faults, attacks and hostile datasets, an hour more; the fuzz targets
+# compile; and the training step is compared with Burn's. As root on Debian or Ubuntu, Slurm, strace, faketime,
+# Chromium, zsh and fish are installed, too; elsewhere the tests that need them are skipped with a message, and so is
+# that of real captures where GRASPMILL_REAL names none (by default ../shared/real, if that exists). With
+# GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every step runs even if an earlier one failed, unless it depends
+# on it. The table at the end lists the results and times. Exit code: 0 if all passed, 1 if a step failed, 2 if the
+# arguments are wrong.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -232,7 +233,10 @@ else
     export GRASPMILL_MISSING
     [[ $long == no ]] || beside fuzz fuzz # a third of the tests' time goes to waiting
     step test build cargo test --workspace --no-fail-fast
-    [[ $long == no ]] || joined fuzz
+    if [[ $long == yes ]]; then
+        joined fuzz
+        step burn build cargo test --package trainer --features flex
+    fi
     step clippy '' cargo clippy --workspace --all-targets -- -D warnings
     step docs '' docs
     step advisories '' advisories

@@ -37,6 +37,7 @@ fn train(bencher: divan::Bencher<'_, '_>, scenes: usize) {
     bencher.bench_local(|| step(&vector, &batch, &VoxelParams::at_tips(Upsampling::Linear), &Device::Host));
 }
 
+#[cfg(feature = "flex")]
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
 fn train_by_graph(bencher: divan::Bencher<'_, '_>, scenes: usize) {
     let (vector, batch) = (initial_vector(1), batch(scenes));

@@ -3,12 +3,10 @@
 use std::sync::Arc;
 
 use crate::formula::{grid, noise, parameters, relative_error, sample};
-use crate::plain::dense;
-use burn::tensor::activation::sigmoid;
-use burn::tensor::{Device, Tensor, TensorData};
-use network::VoxelParams;
+use network::head::Head;
 use network::layers::parameter_slots;
 use network::upsampling::Upsampling;
+use network::{DenseGrids, DenseNetwork, VoxelParams};
 use safetensors::SafeTensors;
 use schema::Quat;
 use trainer::adam;
@@ -16,7 +14,6 @@ use trainer::batch::Batch;
 use trainer::device::Device::Host;
 use trainer::voxel::SampleResult;
 use trainer::voxel::VoxelSample;
-use trainer::voxel::graph::to_device;
 use trainer::voxel::loss::Target;
 use trainer::voxel::step::step;
 
@@ -81,23 +78,17 @@ impl Golden {
     }
 }
 
-fn floats<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.into_data().try_to_vec().unwrap()
-}
-
 #[test]
 fn the_dense_forward_is_pytorchs() {
-    let device = Device::flex();
     for mode in Upsampling::ALL {
-        let golden = Golden::read(mode);
-        let grids: Vec<f32> = (0..GRIDS).flat_map(grid).collect();
-        let tsdf = Tensor::from_data(TensorData::new(grids, [GRIDS as usize, 1, 40, 40, 40]), &device);
-        let output = dense(&to_device(&parameters(), &device), tsdf, mode);
-        let count = output.quality_logit.shape().num_elements();
+        let (golden, network) = (Golden::read(mode), DenseNetwork::new(&parameters(), mode, Head::Quaternion));
+        let outputs: Vec<_> = (0..GRIDS).map(|number| network.infer(&grid(number))).collect();
+        let quality = outputs.iter().flat_map(|o| &o.quality_logit).map(|logit| 1.0 / (1.0 + (-logit).exp()));
+        let all = |of: fn(&DenseGrids) -> &Vec<f32>| outputs.iter().flat_map(of).copied().collect::<Vec<f32>>();
         let error = golden
-            .check("forward.quality", &floats(sigmoid(output.quality_logit.reshape([count]))), 400)
-            .max(golden.check("forward.rotation", &floats(output.rotation), 401))
-            .max(golden.check("forward.width", &floats(output.width_voxels), 402));
+            .check("forward.quality", &quality.collect::<Vec<f32>>(), 400)
+            .max(golden.check("forward.rotation", &all(|o| &o.rotation), 401))
+            .max(golden.check("forward.width", &all(|o| &o.width_voxels), 402));
         println!("{mode:?}: worst relative error of the forward {error:e}");
     }
 }
