@@ -1,5 +1,5 @@
-//! The settings of a dataset besides hand, grid and procedure: engine, settling, views, camera and TSDF. They are the
-//! sections of a config and are stored in `meta/info.json`.
+//! The settings of a dataset besides gripper, grid and procedure: engine, settling, views, camera and TSDF. They are
+//! the sections of a config and are stored in `meta/info.json`.
 
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 

@@ -1,4 +1,4 @@
-//! The hand: a free-floating parallel jaw made of three boxes, or of five where its fingers have thinner tips.
+//! The gripper: a free-floating parallel jaw made of three boxes, or of five where its fingers have thinner tips.
 //!
 //! In the grasp frame the fingers reach from z = −`finger_length_m` to z = 0 and open along y; the palm lies behind
 //! them. One gripper file serves the generator, the cross-check, the planner and the experiments.
@@ -43,7 +43,7 @@ settings! {
         pub closing_speed_m_s: f32 where 0.001..=1.0,
         /// Friction coefficient of the fingers and palm.
         pub friction: f32 where 0.0..=5.0,
-        /// The approaching hand collides with what comes nearer than this.
+        /// The approaching gripper collides with what comes nearer than this.
         pub clearance_m: f32 where 0.0..=0.02,
         /// The grasp frame in the frame of the robot's flange, `{ position_m = [x, y, z], quaternion_xyzw = [x, y, z,
         /// w] }`: for plans, which then give the flange's poses too. No dataset stores it, because labels do not depend
@@ -96,7 +96,7 @@ impl PoseParts {
     }
 }
 
-/// A box of the hand in the grasp frame, axes along the frame's.
+/// A box of the gripper in the grasp frame, axes along the frame's.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct GripperBox {
     /// Centre, in metres.
@@ -106,7 +106,7 @@ pub struct GripperBox {
 }
 
 impl Gripper {
-    /// Names and files of the hands that need no file.
+    /// Names and files of the grippers that need no file.
     pub const BUILT_IN: [(&'static str, &'static str); 7] = [
         ("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml")),
         ("robotiq_2f_85", include_str!("../../configs/grippers/robotiq_2f_85.toml")),
@@ -209,14 +209,14 @@ impl Gripper {
         GripperBox { centre_m: Vec3::new(0.0, 0.0, -self.finger_length_m - half_m.z), half_m }
     }
 
-    /// The whole open hand: the [fingers](Self::fingers), the palm, and where they are thicker behind their tips, the
-    /// fingers there.
+    /// The whole open gripper: the [fingers](Self::fingers), the palm, and where they are thicker behind their tips,
+    /// the fingers there.
     #[must_use]
     pub fn open_gripper(&self) -> Vec<GripperBox> {
         self.boxes(self.opening_m_max)
     }
 
-    /// The whole hand, as [`Self::open_gripper`] has it, with the fingers' inner faces `width_m` apart.
+    /// The whole gripper, as [`Self::open_gripper`] has it, with the fingers' inner faces `width_m` apart.
     #[must_use]
     pub fn boxes(&self, width_m: f32) -> Vec<GripperBox> {
         let thick = self.finger_tip.map(|tip| self.fingers_behind(width_m, self.finger_thickness_m, tip.length_m));
@@ -224,7 +224,7 @@ impl Gripper {
         boxes.chain(thick.into_iter().flatten()).collect()
     }
 
-    /// The robot's flange in the frame in which a grasp is given, if the hand's file says where it is.
+    /// The robot's flange in the frame in which a grasp is given, if the gripper's file says where it is.
     #[must_use]
     pub fn target_from_flange(&self, target_from_grasp: &Pose) -> Option<Pose> {
         self.flange_from_grasp.map(|flange_from_grasp| *target_from_grasp * flange_from_grasp.pose().inverse())
@@ -291,9 +291,9 @@ mod tests {
         assert_eq!((plain.open_gripper().len(), tipped.open_gripper().len()), (3, 5));
         let low_m = |b: &GripperBox| b.centre_m - b.half_m;
         let high_m = |b: &GripperBox| b.centre_m + b.half_m;
-        let hand = tipped.boxes(0.03);
+        let boxes = tipped.boxes(0.03);
         let tip = tipped.finger_tip.unwrap();
-        for (finger, thick, side) in [(&hand[0], &hand[3], -1.0), (&hand[1], &hand[4], 1.0)] {
+        for (finger, thick, side) in [(&boxes[0], &boxes[3], -1.0), (&boxes[1], &boxes[4], 1.0)] {
             assert!((2.0 * finger.half_m.y - tip.thickness_m).abs() < 1e-6 && high_m(finger).z == 0.0);
             assert!((2.0 * thick.half_m.y - tipped.finger_thickness_m).abs() < 1e-6);
             assert!((high_m(thick).z + tip.length_m).abs() < 1e-6 && (low_m(thick).z - low_m(finger).z).abs() < 1e-6);
@@ -319,26 +319,26 @@ mod tests {
 
     settings! {
         struct Grippers {
-            hand: Gripper; by Gripper::read_named as "a hand's name, a path that ends in .toml, or what such a file has",
+            gripper: Gripper; by Gripper::read_named as "a gripper's name, or a path that ends in .toml",
         }
     }
 
     fn named(name: &str) -> Result<Gripper, settings::Error> {
-        let text = format!("hand = \"{name}\"");
-        Document::parse(&text, Path::new("nowhere/hands.toml")).unwrap().read::<Grippers>().map(|hands| hands.hand)
+        let text = format!("gripper = \"{name}\"");
+        Document::parse(&text, Path::new("nowhere/grippers.toml")).unwrap().read::<Grippers>().map(|read| read.gripper)
     }
 
     #[test]
-    fn built_in_hands_are_sound_and_go_by_their_names() {
+    fn built_in_grippers_are_sound_and_go_by_their_names() {
         for (name, _) in Gripper::BUILT_IN {
             assert_eq!(named(name).unwrap().name, name);
         }
         let unknown = named("three_fingers").unwrap_err().to_string();
-        assert!(unknown.contains("hand must be a path that ends in .toml"), "{unknown}");
+        assert!(unknown.contains("gripper must be a path that ends in .toml"), "{unknown}");
         assert!(Gripper::BUILT_IN.iter().all(|(name, _)| unknown.contains(name)), "{unknown}");
         let missing = named("three_fingers.toml").unwrap_err().to_string();
         assert!(
-            missing.contains("hand cannot be read: ") && missing.contains("nowhere/three_fingers.toml"),
+            missing.contains("gripper cannot be read: ") && missing.contains("nowhere/three_fingers.toml"),
             "{missing}"
         );
     }
@@ -374,8 +374,8 @@ mod tests {
         stored.as_table_mut().unwrap().insert("flange_from_grasp".to_owned(), true.into());
         let refused = stored.try_into::<Gripper>().unwrap_err().to_string();
         assert!(refused.contains("unknown field `flange_from_grasp`"), "no dataset has the key: {refused}");
-        // A hand that points straight down: its flange is 0.1 m above the tips, and a quarter turn about the approach
-        // makes the flange's x the closing direction, backwards.
+        // A gripper that points straight down: its flange is 0.1 m above the tips, and a quarter turn about the
+        // approach makes the flange's x the closing direction, backwards.
         let down = Pose::from_parts(Vec3::new(0.1, 0.2, 0.05), crate::axis_angle(Vec3::X, core::f32::consts::PI));
         let flange = mounted.target_from_flange(&down).unwrap();
         assert!((flange.translation - Vec3::new(0.1, 0.2, 0.15)).length() < 1e-6, "{flange:?}");
@@ -402,11 +402,11 @@ mod tests {
     fn flanges_lie_behind_the_fingers_and_turn_about_the_approach() {
         let mut mounted = 0;
         for (name, text) in Gripper::BUILT_IN {
-            let hand = Gripper::from_toml(text).unwrap();
-            let Some(flange_from_grasp) = hand.flange_from_grasp.map(|parts| parts.pose()) else { continue };
+            let gripper = Gripper::from_toml(text).unwrap();
+            let Some(flange_from_grasp) = gripper.flange_from_grasp.map(|parts| parts.pose()) else { continue };
             mounted += 1;
             let tips_m = flange_from_grasp.translation;
-            assert!(tips_m.truncate().length() < 1e-6 && tips_m.z > hand.finger_length_m, "{name}: {tips_m}");
+            assert!(tips_m.truncate().length() < 1e-6 && tips_m.z > gripper.finger_length_m, "{name}: {tips_m}");
             assert!((flange_from_grasp.rotation * Vec3::Z - Vec3::Z).length() < 1e-6, "{name}");
         }
         assert_eq!(mounted, 5, "all but the two that are no products");

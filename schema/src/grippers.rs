@@ -1,13 +1,13 @@
-//! The hands of a dataset: one, or several that take turns from scene to scene.
+//! The grippers of a dataset: one, or several that take turns from scene to scene.
 
 use settings::{Reader, Setting, Value, settings};
 
 use crate::{Gripper, Purpose, Stream};
 
-/// Maximum number of hands of a dataset.
+/// Maximum number of grippers of a dataset.
 pub const GRIPPERS_MAX: usize = 4096;
 
-/// One hand, or several, each of which has every n-th scene.
+/// One gripper, or several, each of which has every n-th scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grippers(
     /// Never empty; the names differ.
@@ -15,12 +15,12 @@ pub struct Grippers(
 );
 
 settings! {
-    /// Hands that are drawn: the opening log-uniform in its range, all else uniform.
+    /// Grippers that are drawn: the opening log-uniform in its range, all else uniform.
     #[derive(Debug, Clone, PartialEq)]
     pub struct RandomGrippers {
         /// How many.
         pub count: usize where 2..=GRIPPERS_MAX,
-        /// Seed of the draw; the dataset's own seed does not change the hands.
+        /// Seed of the draw; the dataset's own seed does not change the grippers.
         pub seed: u64; or 1,
         /// Distance between the fingers' inner faces when open.
         pub opening_m_max: [f32; 2] where 0.005..=0.5,
@@ -40,11 +40,11 @@ settings! {
         pub finger_mass_kg: [f32; 2] where 0.005..=5.0,
         /// Closing force of a finger.
         pub finger_force_n: [f32; 2] where 0.1..=500.0,
-        /// The time in which a hand closes without an object; the speed follows.
+        /// The time in which a gripper closes without an object; the speed follows.
         pub closing_time_s: [f32; 2] where 0.01..=10.0,
         /// Friction coefficient of the fingers and palm.
         pub friction: [f32; 2] where 0.0..=5.0,
-        /// The approaching hand collides with what comes nearer than this.
+        /// The approaching gripper collides with what comes nearer than this.
         pub clearance_m: [f32; 2] where 0.0..=0.02,
     }
 }
@@ -65,11 +65,11 @@ impl RandomGrippers {
         has_count.then_some((name, text))
     }
 
-    /// The hands, named `hand_0000` and so on.
+    /// The grippers, named `hand_0000` and so on.
     fn draw(&self) -> Vec<Gripper> {
-        let hand = |number: usize| {
+        let gripper = |number: usize| {
             let mut stream = Stream::new(self.seed, number as u64, Purpose::Grippers, 0);
-            // A hand that opens 40 mm differs more from one of 50 than one of 140 from one of 150.
+            // A gripper that opens 40 mm differs more from one of 50 than one of 140 from one of 150.
             let opening_m_max = stream.log_uniform(self.opening_m_max);
             let mut within = |[low, high]: [f32; 2]| stream.uniform(low, high);
             Gripper {
@@ -90,21 +90,21 @@ impl RandomGrippers {
                 flange_from_grasp: None,
             }
         };
-        (0..self.count).map(hand).collect()
+        (0..self.count).map(gripper).collect()
     }
 }
 
-/// Read from the name or the path of a hand, a list of them, or a table of ranges, each number drawn from its own.
+/// Read from the name or the path of a gripper, a list of them, or a table of ranges, each number drawn from its own.
 impl Setting for Grippers {
     type Limits = ();
 
     fn kind((): &()) -> String {
-        "a hand's name, a path that ends in .toml, or any_jaw; a list of names and paths; a table of a hand's file; or a table of ranges"
+        "a gripper's name, a path that ends in .toml, or any_jaw; a list of names and paths; a table of a gripper's file; or a table of ranges"
             .to_owned()
     }
 
     fn read(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
-        let hands = match value {
+        let grippers = match value {
             Value::Table(table) if table.contains_key("name") => vec![Gripper::read(value, &(), reader)?],
             Value::Table(_) => RandomGrippers::read(value, &(), reader)?.draw(),
             Value::Array(values) => {
@@ -116,25 +116,25 @@ impl Setting for Grippers {
                 None => vec![Gripper::read_named(value, &(), reader)?],
             },
         };
-        let problem = Self::problem(&hands);
+        let problem = Self::problem(&grippers);
         if let Some(problem) = &problem {
             reader.fault(problem);
         }
-        problem.is_none().then_some(Self(hands))
+        problem.is_none().then_some(Self(grippers))
     }
 }
 
 impl Grippers {
-    /// Why these cannot be the hands of a dataset.
+    /// Why these cannot be the grippers of a dataset.
     #[must_use]
-    pub fn problem(hands: &[Gripper]) -> Option<String> {
-        if !(1..=GRIPPERS_MAX).contains(&hands.len()) {
-            return Some(format!("must be between 1 and {GRIPPERS_MAX} hands, got {}", hands.len()));
+    pub fn problem(grippers: &[Gripper]) -> Option<String> {
+        if !(1..=GRIPPERS_MAX).contains(&grippers.len()) {
+            return Some(format!("must be between 1 and {GRIPPERS_MAX} grippers, got {}", grippers.len()));
         }
-        let mut names: Vec<&str> = hands.iter().map(|hand| hand.name.as_str()).collect();
+        let mut names: Vec<&str> = grippers.iter().map(|gripper| gripper.name.as_str()).collect();
         names.sort_unstable();
         let twice = names.windows(2).find(|pair| pair[0] == pair[1])?;
-        Some(format!("must be hands of different names, got two of {}", twice[0]))
+        Some(format!("must be grippers of different names, got two of {}", twice[0]))
     }
 
     /// All of them.
@@ -143,32 +143,32 @@ impl Grippers {
         &self.0
     }
 
-    /// The hand of a scene.
+    /// The gripper of a scene.
     #[must_use]
     pub fn of_scene(&self, scene_id: u64) -> &Gripper {
         gripper_of(&self.0, scene_id)
     }
 
-    /// The hand, if there is only one.
+    /// The gripper, if there is only one.
     #[must_use]
     pub fn only(&self) -> Option<&Gripper> {
-        if let [hand] = self.all() { Some(hand) } else { None }
+        if let [gripper] = self.all() { Some(gripper) } else { None }
     }
 }
 
 impl From<Gripper> for Grippers {
-    fn from(hand: Gripper) -> Self {
-        Self(vec![hand])
+    fn from(gripper: Gripper) -> Self {
+        Self(vec![gripper])
     }
 }
 
-/// The hand of a scene: hands take turns.
+/// The gripper of a scene: grippers take turns.
 ///
 /// # Panics
-/// Without a hand.
+/// Without a gripper.
 #[must_use]
-pub fn gripper_of(hands: &[Gripper], scene_id: u64) -> &Gripper {
-    &hands[(scene_id % hands.len() as u64) as usize]
+pub fn gripper_of(grippers: &[Gripper], scene_id: u64) -> &Gripper {
+    &grippers[(scene_id % grippers.len() as u64) as usize]
 }
 
 #[cfg(test)]
@@ -196,7 +196,7 @@ mod tests {
         clearance_m = [0.001, 0.001] }";
 
     #[test]
-    fn one_hand_a_list_and_ranges() {
+    fn one_gripper_a_list_and_ranges() {
         let one = read("gripper = \"wsg_50\"").unwrap();
         assert_eq!(one.only().unwrap().name, "wsg_50");
         let (_, file) = Gripper::BUILT_IN.iter().find(|(name, _)| *name == "wsg_50").unwrap();
@@ -206,22 +206,23 @@ mod tests {
         assert!(two.only().is_none());
         let drawn = read(RANGES).unwrap();
         assert_eq!((drawn.all().len(), &drawn), (300, &read(RANGES).unwrap()));
-        let openings: Vec<f32> = drawn.all().iter().map(|hand| hand.opening_m_max).collect();
+        let openings: Vec<f32> = drawn.all().iter().map(|gripper| gripper.opening_m_max).collect();
         let mean = openings.iter().sum::<f32>() / 300.0;
         assert!(openings.iter().all(|opening| (0.05..=0.14).contains(opening)) && (mean - 0.0874).abs() < 0.005);
-        for hand in drawn.all() {
-            assert!((0.6999..=0.9501).contains(&(0.5 * hand.opening_m_max / hand.closing_speed_m_s)), "{hand:?}");
-            assert!(hand.palm_breadth_m >= hand.opening_m_max);
-            assert!(settings::faults_of(hand, "").is_empty());
+        for gripper in drawn.all() {
+            let closing_time_s = 0.5 * gripper.opening_m_max / gripper.closing_speed_m_s;
+            assert!((0.6999..=0.9501).contains(&closing_time_s), "{gripper:?}");
+            assert!(gripper.palm_breadth_m >= gripper.opening_m_max);
+            assert!(settings::faults_of(gripper, "").is_empty());
         }
     }
 
     #[test]
     fn what_is_wrong_is_named() {
         let told = |text: &str| read(text).unwrap_err().to_string();
-        assert!(told("gripper = []").contains("gripper must be between 1 and 4096 hands, got 0"));
+        assert!(told("gripper = []").contains("gripper must be between 1 and 4096 grippers, got 0"));
         let twice = told("gripper = [\"wsg_50\", \"wsg_50\"]");
-        assert!(twice.contains("gripper must be hands of different names, got two of wsg_50"), "{twice}");
+        assert!(twice.contains("gripper must be grippers of different names, got two of wsg_50"), "{twice}");
         let ranges = told(&RANGES.replace("[0.05, 0.14]", "[0.14, 0.05]").replace("count = 300, ", ""));
         for part in ["gripper.count is missing", "gripper.opening_m_max must be a range [low, high]"] {
             assert!(ranges.contains(part), "{ranges}");

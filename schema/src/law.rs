@@ -27,7 +27,7 @@ pub enum Tilt {
 /// A row of Appendix A.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
-    /// The object axes along which the hand may close; one of them is drawn, or that along which the object is
+    /// The object axes along which the gripper may close; one of them is drawn, or that along which the object is
     /// narrowest.
     pub closing: &'static [Axis],
     /// r_y.
@@ -47,9 +47,9 @@ const CUBOID_TILT: Tilt = Tilt::Normal { std_rad: PI / 18.0 };
 
 /// The law of a row: the shape, and the object axis of the approach.
 ///
-/// Appendix A says that the axes of a grasp are determined, and not along which axis the hand closes. Both axes across
-/// the approach are open where both are normals of opposite faces, or no better one exists (the ends of prism and
-/// half-cylinder); the extrusion axis alone where its two ends are the only parallel faces (prism and half-cylinder
+/// Appendix A says that the axes of a grasp are determined, and not along which axis the gripper closes. Both axes
+/// across the approach are open where both are normals of opposite faces, or no better one exists (the ends of prism
+/// and half-cylinder); the extrusion axis alone where its two ends are the only parallel faces (prism and half-cylinder
 /// from the side); and the cylinder's other radial axis, since there the grasp's x is the cylinder's own axis (its r_x
 /// turns about it).
 #[must_use]
@@ -85,7 +85,7 @@ pub fn law_of(shape: ShapeKind, approach: Axis) -> Law {
 pub struct Drawn {
     /// The object axis of the approach.
     pub approach: Axis,
-    /// The object axis along which the hand closes, before the turn.
+    /// The object axis along which the gripper closes, before the turn.
     pub closing: Axis,
     /// r_x.
     pub turn_rad: f32,
@@ -113,7 +113,8 @@ impl Drawn {
     }
 }
 
-/// A hand that comes along a surface's normal, turned about it, before its tips are moved to their depth.
+/// The orientation of a gripper that comes along a surface's normal, turned about it, before its tips are moved to
+/// their depth.
 #[must_use]
 pub fn along_normal(normal: Vec3, turn_rad: f32) -> Quat {
     let z = -normal;
@@ -128,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_hand_never_closes_along_its_approach() {
+    fn the_gripper_never_closes_along_its_approach() {
         for (shape, approach) in ShapeKind::ALL.into_iter().flat_map(|s| Axis::ALL.map(|a| (s, a))) {
             let law = law_of(shape, approach);
             assert!(!law.closing.is_empty() && !law.closing.contains(&approach), "{shape:?} {approach:?}");

@@ -7,7 +7,7 @@ use crate::{Gripper, Outcome, Polyhedron, Pose, Vec3};
 words! {
     /// How a grasp of an object was drawn.
     pub enum GraspSource {
-        /// Between two points that face each other within the cone of friction, so deep that the open hand fits.
+        /// Between two points that face each other within the cone of friction, so deep that the open gripper fits.
         Antipodal = "antipodal",
         /// Along the inward normal of a point (VGN).
         Normal = "normal",
@@ -19,16 +19,17 @@ words! {
 }
 
 words! {
-    /// What a floating object has to bear in the hand to be held.
+    /// What a floating object has to bear in the gripper to be held.
     pub enum GripTest {
-        /// Its weight, as it hangs from a hand that came from above.
+        /// Its weight, as it hangs from a gripper that came from above.
         Lift = "lift",
-        /// Its weight along each of the six directions of the hand's axes: it is held whichever way is down.
+        /// Its weight along each of the six directions of the gripper's axes: it is held whichever way is down.
         Turn = "turn",
-        /// GraspDataGen's five pulls of 1 g for half a second: out of the hand, and aslant to each side.
+        /// GraspDataGen's five pulls of 1 g for half a second: out of the gripper, and aslant to each side.
         Tug = "tug",
         /// To and fro along the approach by 40 mm to each side, then turned by 0.5 rad to each side about the closing
-        /// direction through the hand's base, two times a second, twice each: ACRONYM's directions, Newton's numbers.
+        /// direction through the gripper's base, two times a second, twice each: ACRONYM's directions, Newton's
+        /// numbers.
         Shake = "shake",
     }
 }
@@ -48,7 +49,7 @@ pub struct ObjectGrasp {
     pub contacts_m: [Option<Vec3>; 2],
     /// The outward normals of the object there.
     pub normals: [Option<Vec3>; 2],
-    /// How far the centre of mass moved while the hand closed, in metres, and how far the object turned, in radians.
+    /// How far the centre of mass moved while the gripper closed, in metres, and how far the object turned, in radians.
     pub closing: Option<(f32, f32)>,
     /// The same at the end of the test, against the closed fingers; of several loads the largest.
     pub test: Option<(f32, f32)>,
@@ -56,7 +57,7 @@ pub struct ObjectGrasp {
     pub margins: Option<Margins>,
     /// Of the repeats of a grasp that held, moved as a calibration's errors would, the share that held.
     pub robust_share: Option<f32>,
-    /// Whether the hand stays off the table on its way to it, for each of the object's stable poses.
+    /// Whether the gripper stays off the table on its way to it, for each of the object's stable poses.
     pub is_free_on_table: Vec<bool>,
 }
 
@@ -90,13 +91,13 @@ pub struct ObjectGrasps {
     pub scale_m: f64,
     /// What was guessed of the object, and what is unusual about it.
     pub warnings: Vec<String>,
-    /// The hand.
+    /// The gripper.
     pub gripper: Gripper,
     /// What it had to bear.
     pub test: GripTest,
     /// Mass in kilograms.
     pub mass_kg: f32,
-    /// Friction coefficient; with the hand's it makes that of a contact.
+    /// Friction coefficient; with the gripper's it makes that of a contact.
     pub friction: f32,
     /// Full lengths of its bounding box, in metres.
     pub extents_m: Vec3,
@@ -106,8 +107,8 @@ pub struct ObjectGrasps {
     pub centre_of_mass_m: Vec3,
     /// The grasps.
     pub grasps: Vec<ObjectGrasp>,
-    /// Of the surface on which the open hand can come and close, straight across a wall or the object, the share within
-    /// 10 mm of a contact of a grasp that held.
+    /// Of the surface on which the open gripper can come and close, straight across a wall or the object, the share
+    /// within 10 mm of a contact of a grasp that held.
     pub coverage: Option<f32>,
     /// How it can stand or lie, likeliest first.
     pub stable_poses: Vec<StablePose>,

@@ -8,18 +8,18 @@ words! {
     #[derive(PartialOrd, Ord, Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Outcome {
-        /// The open hand at the pre-grasp pose comes within the clearance of something.
+        /// The open gripper at the pre-grasp pose comes within the clearance of something.
         PregraspCollision = "pregrasp_collision",
-        /// The open hand, moving straight from pre-grasp to grasp, comes within the clearance of something.
+        /// The open gripper, moving straight from pre-grasp to grasp, comes within the clearance of something.
         ApproachCollision = "approach_collision",
         /// The jaws met: nothing between them.
         Empty = "empty",
         /// The object was lost while lifting or holding.
         Slipped = "slipped",
-        /// While closing or lifting, the hand or what it holds drove another object, or ran into the table or the
+        /// While closing or lifting, the gripper or what it holds drove another object, or ran into the table or the
         /// container.
         HitOther = "hit_other",
-        /// The object moved with the hand and is still between both fingers.
+        /// The object moved with the gripper and is still between both fingers.
         Held = "held",
     }
 }
@@ -29,8 +29,8 @@ impl Outcome {
     #[must_use]
     pub fn meaning(self) -> &'static str {
         match self {
-            Self::PregraspCollision => "the open hand touches something before it approaches",
-            Self::ApproachCollision => "the hand touches something on its straight way",
+            Self::PregraspCollision => "the open gripper touches something before it approaches",
+            Self::ApproachCollision => "the gripper touches something on its straight way",
             Self::Empty => "the fingers met on nothing",
             Self::Slipped => "the object stayed behind, or fell",
             Self::HitOther => {
@@ -48,7 +48,7 @@ impl Outcome {
 }
 
 words! {
-    /// What the hand, or the object it held, ran into.
+    /// What the gripper, or the object it held, ran into.
     #[derive(PartialOrd, Ord, Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum HitKind {

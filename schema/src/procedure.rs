@@ -1,4 +1,4 @@
-//! The attempt's procedure: the numbers of the label's contract that belong neither to the hand nor to the engine.
+//! The attempt's procedure: the numbers of the label's contract that belong neither to the gripper nor to the engine.
 
 use serde::{Deserialize, Serialize};
 use settings::settings;
@@ -8,12 +8,12 @@ settings! {
     #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Procedure {
-        /// The hand starts this far back along the approach.
+        /// The gripper starts this far back along the approach.
         pub pregrasp_distance_m: f32 where 0.0..=0.5,
-        /// The hand is moved out by this much after closing.
+        /// The gripper is moved out by this much after closing.
         pub retreat_distance_m: f32 where 0.01..=1.0,
-        /// The hand retreats along −z of the grasp if its approach is within this angle of straight down, else straight
-        /// up; under a shelf's board along −z and a fifth as much upwards.
+        /// The gripper retreats along −z of the grasp if its approach is within this angle of straight down, else
+        /// straight up; under a shelf's board along −z and a fifth as much upwards.
         pub retreat_cone_rad: f32 where 0.0..=core::f32::consts::PI,
         /// Speed of the retreat.
         pub retreat_speed_m_s: f32 where 0.01..=2.0,
@@ -23,11 +23,11 @@ settings! {
         pub hold_time_s: f32 where 0.0..=60.0,
         /// Jaws closer than this have met: `empty`.
         pub empty_width_m: f32 where 0.0..=0.05,
-        /// Held objects have moved at least this share of the retreat along with the hand.
+        /// Held objects have moved at least this share of the retreat along with the gripper.
         pub held_travel_share_min: f32 where 0.0..=1.0,
-        /// Another object may be moved this far while the hand closes.
+        /// Another object may be moved this far while the gripper closes.
         pub other_push_m_max: f32 where 0.0..=1.0,
-        /// Another object may be raised this far while the hand lifts.
+        /// Another object may be raised this far while the gripper lifts.
         pub other_lift_m_max: f32 where 0.0..=1.0,
     }
 }

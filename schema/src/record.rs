@@ -75,7 +75,7 @@ pub struct AttemptRecord {
     pub object_id: u32,
     /// How it was drawn: by a row of Appendix A, or otherwise.
     pub rule: Rule,
-    /// Object axis along which the hand closes, before the turn; `None` if no axis of the object decides.
+    /// Object axis along which the gripper closes, before the turn; `None` if no axis of the object decides.
     pub closing: Option<Axis>,
     /// Drawn rotation about the grasp's y axis (Appendix A: r_y).
     pub tilt_rad: f32,

@@ -1,5 +1,5 @@
 //! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, VGN's approach along the surface's
-//! normal, proposals, and displaced hands. `law.rs` has the distributions of the rows.
+//! normal, proposals, and displaced grasps. `law.rs` has the distributions of the rows.
 
 use settings::words;
 
@@ -43,9 +43,9 @@ pub enum Approach {
     Axis(Axis),
     /// Along the surface's normal, as VGN's grasps are.
     Normal,
-    /// A hand proposed on what the cameras saw.
+    /// A grasp candidate, proposed on what the cameras saw.
     Proposal,
-    /// A hand of the same scene that held, displaced.
+    /// A grasp of the same scene that held, displaced.
     Displaced,
     /// A proposal that a judge holds for one of the best.
     Judged,

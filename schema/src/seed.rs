@@ -32,9 +32,9 @@ pub enum Purpose {
     Weights = 8,
     /// Turns and shifts of training scenes (the try carries the epoch).
     Augmentation = 9,
-    /// Which hands of a training epoch are mirrored (the scene slot carries the sample, the try the epoch).
+    /// Which grasps of a training epoch are mirrored (the scene slot carries the sample, the try the epoch).
     Mirror = 10,
-    /// Proposals of hands in a scene.
+    /// Grasp candidates of a scene.
     Proposals = 11,
     /// Which scenes a bootstrap draws (the try carries the draw).
     Bootstrap = 12,
@@ -44,7 +44,7 @@ pub enum Purpose {
     Ranking = 14,
     /// Objects of packed scenes (the first try: whether a scene is packed).
     Packed = 15,
-    /// Hands that are drawn (the scene slot carries the hand's number).
+    /// Grippers that are drawn (the scene slot carries the gripper's number).
     Grippers = 16,
     /// When the samples of a scene are visited in an epoch (the try carries the epoch).
     Visits = 17,
@@ -52,7 +52,7 @@ pub enum Purpose {
     Household = 18,
     /// Test drops of an imported object (the scene slot carries the drop).
     TestDrops = 19,
-    /// Which scenes have only objects that the hand can span.
+    /// Which scenes have only objects that the gripper can span.
     Spanned = 20,
     /// What the objects of a scene lie in.
     Container = 21,
