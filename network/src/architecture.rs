@@ -14,7 +14,7 @@ words! {
     pub enum Kind {
         /// Voxels: the paper's.
         Voxel = "voxel",
-        /// Grippers: the judge.
+        /// Grasps: the judge.
         Judge = "judge",
     }
 }
@@ -25,7 +25,7 @@ impl Kind {
     pub const fn describe(self) -> &'static str {
         match self {
             Self::Voxel => "the paper's network, which answers for voxels",
-            Self::Judge => "a judge, which answers for hands",
+            Self::Judge => "a judge, which answers for grasps",
         }
     }
 
@@ -106,7 +106,7 @@ impl VoxelParams {
 pub enum Architecture {
     /// The paper's network, which answers for every voxel, or one that differs in its head.
     Voxel(VoxelParams),
-    /// The judge, which answers for a hand; what it was trained for.
+    /// The judge, which answers for a grasp; what it was trained for.
     Judge(Box<Scope>),
 }
 
@@ -193,10 +193,10 @@ mod tests {
         }
     }
 
-    /// By hand: a hand that points down at (103, 98, 61) mm has its origin 50 mm above, in voxel (13, 13, 14) of
+    /// By hand: a gripper that points down at (103, 98, 61) mm has its origin 50 mm above, in voxel (13, 13, 14) of
     /// 7.5 mm; rounded as VGN does, in (14, 13, 15).
     #[test]
-    fn a_hand_from_above_has_its_origin_above_the_tips() {
+    fn a_gripper_from_above_has_its_origin_above_the_tips() {
         let down = pose_from_parts(Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), Vec3::new(0.103, 0.098, 0.061));
         let voxel = |origin: GraspOrigin| origin.voxel_of(&down, &Grid::PAPER);
         assert_eq!(voxel(GraspOrigin::TIPS), Some([13, 13, 8]));

@@ -1,4 +1,4 @@
-//! What the network answers at a voxel: one hand, as the paper has it, or a hand by closing direction.
+//! What the network answers at a voxel: one grasp, as the paper has it, or a grasp by closing direction.
 //!
 //! A quaternion says one closing direction. Where two are right, or half a turn apart are the same, what it learns is
 //! their mean. The *head by closing* says instead
@@ -10,7 +10,7 @@
 //!   have values of their own;
 //! - where the point between the finger tips is, seen from the voxel.
 //!
-//! The *turn* of a hand is that about its approach, from the hand that the shortest rotation makes of one that comes
+//! The *turn* of a grasp is that about its approach, from the grasp that the shortest rotation makes of one that comes
 //! from straight above with its closing direction along −y.
 
 use core::f32::consts::PI;
@@ -67,7 +67,7 @@ impl Head {
         }
     }
 
-    /// The hand that a voxel answers with, given its outputs.
+    /// The grasp that a voxel answers with, given its outputs.
     ///
     /// # Panics
     /// If there are fewer outputs than [`Self::outputs`].
@@ -85,7 +85,7 @@ impl Head {
     }
 }
 
-/// A hand that a voxel answers with.
+/// A grasp that a voxel answers with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answer {
     /// Logit of its quality.
@@ -170,8 +170,8 @@ impl ClosingsHead {
         at_turn(&self.width_voxels, turn_rad)
     }
 
-    /// The hand at the peak of the histogram at which most hands hold: quality times share, the share being that of the
-    /// peak and its two neighbours.
+    /// The grasp at the peak of the histogram at which most grasps hold: quality times share, the share being that of
+    /// the peak and its two neighbours.
     #[must_use]
     pub fn answer(&self) -> Answer {
         let shares = self.shares();
@@ -207,7 +207,7 @@ fn at_turn(factors: &[f32; 3], turn_rad: f32) -> f32 {
     waves(turn_rad).iter().zip(factors).map(|(wave, factor)| wave * factor).sum()
 }
 
-/// The hand with an approach and a turn of 0.
+/// The grasp with an approach and a turn of 0.
 fn unturned(approach: Vec3) -> Quat {
     let down = -Vec3::Z;
     let (across, along) = (down.cross(approach), down.dot(approach));
@@ -220,7 +220,7 @@ fn unturned(approach: Vec3) -> Quat {
     shortest * Quat::from_xyzw(1.0, 0.0, 0.0, 0.0)
 }
 
-/// The turn of a hand about its approach, at least 0 and below π.
+/// The turn of a grasp about its approach, at least 0 and below π.
 #[must_use]
 pub fn turn_of(rotation: Quat) -> f32 {
     let left = unturned(rotation * Vec3::Z).inverse() * rotation;
@@ -228,7 +228,7 @@ pub fn turn_of(rotation: Quat) -> f32 {
     if turn_rad < PI { turn_rad } else { 0.0 }
 }
 
-/// The hand with an approach, a unit vector, and a turn.
+/// The grasp with an approach, a unit vector, and a turn.
 #[must_use]
 pub fn grasp_rotation(approach: Vec3, turn_rad: f32) -> Quat {
     let (sin, cos) = (libm::sinf(0.5 * turn_rad), libm::cosf(0.5 * turn_rad));
@@ -253,7 +253,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hand_comes_back_from_its_approach_and_its_turn() {
+    fn a_grasp_comes_back_from_its_approach_and_its_turn() {
         let mut stream = Stream::new(3, 1, Purpose::Weights, 0);
         for _ in 0..2_000 {
             let rotation = stream.rotation();

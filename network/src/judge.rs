@@ -1,8 +1,9 @@
-//! The judge: a network that is asked about one hand in a scene and answers how the attempt would end.
+//! The judge: a network that is asked about one grasp in a scene and answers how the attempt would end.
 //!
-//! One quality and one orientation a voxel cannot say that one hand holds and another at the same voxel does not. So
-//! the TSDF is resampled around the hand, in the hand's frame ([`Crop`]), and convolved there: what matters lies at the
-//! same place for every hand. What arithmetic knows for certain, that the hand would hit the table, is not asked.
+//! One quality and one orientation a voxel cannot say that one grasp holds and another at the same voxel does not. So
+//! the TSDF is resampled around the gripper, in the grasp's frame ([`Crop`]), and convolved there: what matters lies at
+//! the same place for every grasp. What arithmetic knows for certain, that the gripper would hit the table, is not
+//! asked.
 
 mod crop;
 mod screen;
@@ -64,12 +65,12 @@ static LAYOUT: LazyLock<Layout> = LazyLock::new(|| Layout::new(&LAYERS, LAYERS.l
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scope {
-    /// The hand, or the first of several.
+    /// The gripper, or the first of several.
     pub gripper: Gripper,
-    /// Of several hands the smallest and the largest value of each number, in the order of [`Gripper::numbers`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub hands: Option<[[f32; 2]; 12]>,
-    /// How far behind the grasp, along its approach, the hand starts.
+    /// Of several grippers the smallest and the largest value of each number, in the order of [`Gripper::numbers`].
+    #[serde(rename = "hands", default, skip_serializing_if = "Option::is_none")]
+    pub grippers: Option<[[f32; 2]; 12]>,
+    /// How far behind the grasp, along its approach, the gripper starts.
     pub pregrasp_distance_m: f32,
     /// The grid of the TSDF, and the table's height in it.
     pub grid: Grid,
@@ -80,29 +81,29 @@ pub struct Scope {
 
 /// Voxels whose sides differ by less are the same.
 const VOXEL_OFF_M_MAX: f32 = 1e-6;
-/// A hand may lie outside of those of training by this share of their range.
+/// A gripper may lie outside of those of training by this share of their range.
 const EDGE_SHARE: f32 = 0.03;
 
 impl Scope {
-    /// The scope of a judge that is trained with these hands, at least one, and with repeated attempts or without.
+    /// The scope of a judge that is trained with these grippers, at least one, and with repeated attempts or without.
     #[must_use]
-    pub fn of(hands: &[Gripper], pregrasp_distance_m: f32, grid: Grid, robustness: bool) -> Self {
+    pub fn of(grippers: &[Gripper], pregrasp_distance_m: f32, grid: Grid, robustness: bool) -> Self {
         let span = |number: usize| {
-            let values = hands.iter().map(|hand| hand.numbers()[number].1);
+            let values = grippers.iter().map(|gripper| gripper.numbers()[number].1);
             values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
         };
-        let spans = hands.iter().any(|hand| hand.numbers() != hands[0].numbers());
+        let spans = grippers.iter().any(|gripper| gripper.numbers() != grippers[0].numbers());
         let spans = spans.then(|| std::array::from_fn(span));
-        // Where a hand is mounted decides no label, and judges see hands of three boxes.
-        let gripper = Gripper { flange_from_grasp: None, finger_tip: None, ..hands[0].clone() };
-        Self { gripper, hands: spans, pregrasp_distance_m, grid, robustness }
+        // Where a gripper is mounted decides no label, and judges see grippers of three boxes.
+        let gripper = Gripper { flange_from_grasp: None, finger_tip: None, ..grippers[0].clone() };
+        Self { gripper, grippers: spans, pregrasp_distance_m, grid, robustness }
     }
 
-    /// The hand or the number of different hands in words.
-    fn hand_in_words(&self) -> String {
-        match &self.hands {
-            None => format!("the hand {}", self.gripper.name),
-            Some(spans) => format!("hands that open {} m", shown(spans[0])),
+    /// The gripper or the number of different grippers in words.
+    fn gripper_in_words(&self) -> String {
+        match &self.grippers {
+            None => format!("the gripper {}", self.gripper.name),
+            Some(spans) => format!("grippers that open {} m", shown(spans[0])),
         }
     }
 
@@ -119,19 +120,19 @@ impl Scope {
             && self.grid.table_z_m == grid.table_z_m
     }
 
-    /// Whether a judge of this scope may be asked about this hand in this grid: about the hand that it was trained
-    /// with, or one between those that it was trained with, whatever its name is.
+    /// Whether a judge of this scope may be asked about this gripper in this grid: about the gripper that it was
+    /// trained with, or one between those that it was trained with, whatever its name is.
     ///
     /// # Errors
-    /// If the hand or the grid is another one; names what differs.
+    /// If the gripper or the grid is another one; names what differs.
     pub fn must_match(&self, gripper: &Gripper, grid: &Grid) -> Result<(), Failure> {
         let refused = |what: String| Err(Failure::new(ExitCode::Config, format!("the judge was trained {what}")));
         if !self.is_on(grid) {
             let shown = |grid: &Grid| format!("voxels of {} m, table at {} m", grid.voxel_size_m(), grid.table_z_m);
             return refused(format!("on {}, not on {}", shown(&self.grid), shown(grid)));
         }
-        let spans = self.hands.unwrap_or_else(|| self.gripper.numbers().map(|(_, value)| [value; 2]));
-        // Of some hundred hands that are drawn none lies at the very ends.
+        let spans = self.grippers.unwrap_or_else(|| self.gripper.numbers().map(|(_, value)| [value; 2]));
+        // Of some hundred grippers that are drawn none lies at the very ends.
         let is_outside = |(got, [low, high]): (f32, [f32; 2])| {
             let slack = EDGE_SHARE * (high - low);
             got < low - slack || got > high + slack
@@ -139,7 +140,7 @@ impl Scope {
         let outside = gripper.numbers().into_iter().zip(spans).find(|((_, got), span)| is_outside((*got, *span)));
         let Some(((key, got), [low, high])) = outside else { return Ok(()) };
         let expected = shown([low, high]);
-        let (trained, given) = (self.hand_in_words(), &gripper.name);
+        let (trained, given) = (self.gripper_in_words(), &gripper.name);
         refused(format!("for {trained}, not for {given} as it is given: {key} must be {expected}, got {got}"))
     }
 }
@@ -159,30 +160,30 @@ pub struct JudgeNetwork {
     len: usize,
 }
 
-/// Hands as the judge sees them, added by [`JudgeInputs::push`].
+/// Grasps as the judge sees them, added by [`JudgeInputs::push`].
 #[derive(Debug, Clone, Default)]
 pub struct JudgeInputs {
-    /// `[hands, 10, 22, 30, CHANNELS]`: the crops with the zeros that the first convolution pads with.
+    /// `[grasps, 10, 22, 30, CHANNELS]`: the crops with the zeros that the first convolution pads with.
     pub crops: Vec<f32>,
-    /// `[hands, 14, 10, 10, WIDE_CHANNELS]`: the surroundings, likewise.
+    /// `[grasps, 14, 10, 10, WIDE_CHANNELS]`: the surroundings, likewise.
     pub wide: Vec<f32>,
-    /// What is known of each hand and its scene besides.
+    /// What is known of each grasp and its scene besides.
     pub facts: Vec<[f32; FACTS]>,
 }
 
 impl JudgeInputs {
-    /// No hands, with room for `hands`.
+    /// No grasps, with room for `grasps`.
     #[must_use]
-    pub fn with_capacity(hands: usize) -> Self {
+    pub fn with_capacity(grasps: usize) -> Self {
         Self {
-            crops: Vec::with_capacity(hands * Crop::LEN),
-            wide: Vec::with_capacity(hands * Crop::WIDE_LEN),
-            facts: Vec::with_capacity(hands),
+            crops: Vec::with_capacity(grasps * Crop::LEN),
+            wide: Vec::with_capacity(grasps * Crop::WIDE_LEN),
+            facts: Vec::with_capacity(grasps),
         }
     }
 
-    /// Adds a hand in a scene seen from `views`. Hand and scene may be mirrored in the grasp's x and y: a mirrored hand
-    /// is the same hand, so the attempt ends alike.
+    /// Adds a grasp in a scene seen from `views`. Gripper and scene may be mirrored in the grasp's x and y: a mirrored
+    /// gripper is the same gripper, so the attempt ends alike.
     pub fn push(
         &mut self,
         crop: &Crop,
@@ -196,8 +197,8 @@ impl JudgeInputs {
         self.facts.push(crop.facts(workspace_from_grasp, views, mirrored));
     }
 
-    /// For other programs, without padding: crops `[hands, 8, 20, 28, CHANNELS]`, surroundings
-    /// `[hands, 12, 8, 8, WIDE_CHANNELS]` and facts `[hands, FACTS]`.
+    /// For other programs, without padding: crops `[grasps, 8, 20, 28, CHANNELS]`, surroundings
+    /// `[grasps, 12, 8, 8, WIDE_CHANNELS]` and facts `[grasps, FACTS]`.
     #[must_use]
     pub fn without_padding(&self) -> [Vec<f32>; 3] {
         let facts = self.facts.as_flattened().to_vec();
@@ -216,15 +217,15 @@ pub struct JudgeActivations {
     convs: [Vec<f32>; 3],
     /// Output of the first convolution of the surroundings, likewise.
     wide: Vec<f32>,
-    /// Inputs of the head, `[hands, ROW]`.
+    /// Inputs of the head, `[grasps, ROW]`.
     rows: Vec<f32>,
     hidden: [Vec<f32>; 2],
-    /// `[hands, LANES]`.
+    /// `[grasps, LANES]`.
     logits: Vec<f32>,
 }
 
 impl JudgeActivations {
-    /// The outputs for each hand: the logits of the outcomes, in the order of [`Outcome::ALL`], then that of the
+    /// The outputs for each grasp: the logits of the outcomes, in the order of [`Outcome::ALL`], then that of the
     /// robustness, which is 0 for judges without it.
     pub fn logits(&self) -> impl Iterator<Item = [f32; OUTPUTS]> {
         from_lanes(&self.logits, OUTPUTS).map(|row| std::array::from_fn(|at| row[at]))
@@ -267,7 +268,7 @@ impl JudgeNetwork {
         TransposedWeights(self.parameters.all_transposed())
     }
 
-    /// The network on some hands.
+    /// The network on some grasps.
     #[must_use]
     pub fn forward(&self, inputs: &JudgeInputs) -> JudgeActivations {
         let product = |number: usize, conv: &Conv, relu: bool, inputs: &[f32]| {
@@ -295,7 +296,7 @@ impl JudgeNetwork {
         JudgeActivations { convs: [first, second, third], wide, rows, hidden: [hidden1, hidden2], logits }
     }
 
-    /// The gradient of every parameter, as the flat vector. `d_logits` is the gradient of each hand's logits.
+    /// The gradient of every parameter, as the flat vector. `d_logits` is the gradient of each grasp's logits.
     #[must_use]
     pub fn gradient(
         &self,
@@ -349,16 +350,16 @@ pub fn initial_vector(seed: u64) -> Vec<f32> {
     values
 }
 
-/// The head's layers as products with one row a hand.
-fn heads(hands: usize) -> [Conv; 3] {
+/// The head's layers as products with one row a grasp.
+fn heads(grasps: usize) -> [Conv; 3] {
     [0, 1, 2].map(|number| {
         // The last is `head3` with the robustness beside it, which fits into the same lanes.
         let LayerShape { channels_in, channels_out, .. } = LAYERS[CONVS + number];
-        Conv::of_rows(hands, channels_in, channels_out.next_multiple_of(LANES))
+        Conv::of_rows(grasps, channels_in, channels_out.next_multiple_of(LANES))
     })
 }
 
-/// The logit of the probability that a hand holds, from the logits of the outcomes.
+/// The logit of the probability that a grasp holds, from the logits of the outcomes.
 #[must_use]
 pub fn quality_logit(logits: &[f32; OUTPUTS]) -> f32 {
     let held = Outcome::Held as usize;
@@ -401,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn a_judge_answers_for_its_hand_or_for_those_between_its_hands() {
+    fn a_judge_answers_for_its_gripper_or_for_those_between_its_grippers() {
         let read = |name: &str| {
             let text = format!("gripper = \"{name}\"");
             let document = settings::Document::parse(&text, std::path::Path::new("test.toml")).unwrap();
@@ -416,11 +417,11 @@ mod tests {
         let told = many.must_match(&wide, &Grid::PAPER).unwrap_err().to_string();
         assert!(told.contains("opening_m_max must be 0.0") && told.ends_with("got 0.2"), "{told}");
         let one = Scope::of(std::slice::from_ref(&own), 0.05, Grid::PAPER, false);
-        assert_eq!(one.hands, None);
+        assert_eq!(one.grippers, None);
         one.must_match(&Gripper { name: "mine".to_owned(), ..own.clone() }, &Grid::PAPER).unwrap();
         let told = one.must_match(&Gripper { friction: 0.81, ..own }, &Grid::PAPER).unwrap_err().to_string();
-        let expected =
-            "the judge was trained for the hand wsg_50, not for wsg_50 as it is given: friction must be 0.8, got 0.81";
+        let expected = "the judge was trained for the gripper wsg_50, not for wsg_50 as it is given: friction must be \
+            0.8, got 0.81";
         assert_eq!(told, expected);
     }
 
@@ -471,12 +472,12 @@ mod tests {
     }
 
     /// The network from its definition.
-    fn slow(vector: &[f32], hand: usize, inputs: &JudgeInputs) -> Vec<f64> {
-        let crop = &inputs.crops[hand * Crop::LEN..][..Crop::LEN];
-        let wide = &inputs.wide[hand * Crop::WIDE_LEN..][..Crop::WIDE_LEN];
+    fn slow(vector: &[f32], grasp: usize, inputs: &JudgeInputs) -> Vec<f64> {
+        let crop = &inputs.crops[grasp * Crop::LEN..][..Crop::LEN];
+        let wide = &inputs.wide[grasp * Crop::WIDE_LEN..][..Crop::WIDE_LEN];
         let mut x = convolved_by::<CHANNELS>(vector, &LAYERS[..4], BOX, crop);
         x.extend(convolved_by::<WIDE_CHANNELS>(vector, &LAYERS[4..CONVS], WIDE_BOX, wide));
-        x.extend(inputs.facts[hand].iter().map(|fact| f64::from(*fact)));
+        x.extend(inputs.facts[grasp].iter().map(|fact| f64::from(*fact)));
         assert_eq!(x.len(), ROW);
         let dense = |layer: &LayerShape, x: &[f64]| convolved(vector, layer, [1, 1, 1], x).1;
         for layer in &LAYERS[CONVS..CONVS + 2] {
@@ -486,9 +487,9 @@ mod tests {
     }
 
     /// Boxes of random values with zeros around them.
-    fn boxes(hands: usize, n: [usize; 3], values: usize, stream: &mut Stream) -> Vec<f32> {
+    fn boxes(grasps: usize, n: [usize; 3], values: usize, stream: &mut Stream) -> Vec<f32> {
         let padded = Extent { n, padding: 1 };
-        let mut boxes = vec![0.0; hands * padded.len() * values];
+        let mut boxes = vec![0.0; grasps * padded.len() * values];
         for one in boxes.chunks_exact_mut(padded.len() * values) {
             for at in padded.positions() {
                 one[padded.place(at) * values..][..values].fill_with(|| stream.uniform(-1.0, 1.0));
@@ -497,11 +498,11 @@ mod tests {
         boxes
     }
 
-    fn inputs(hands: usize) -> JudgeInputs {
+    fn inputs(grasps: usize) -> JudgeInputs {
         let mut stream = Stream::new(5, 0, Purpose::Views, 0);
-        let crops = boxes(hands, BOX, CHANNELS, &mut stream);
-        let wide = boxes(hands, WIDE_BOX, WIDE_CHANNELS, &mut stream);
-        let facts = (0..hands).map(|_| std::array::from_fn(|_| stream.uniform(-1.0, 1.0))).collect();
+        let crops = boxes(grasps, BOX, CHANNELS, &mut stream);
+        let wide = boxes(grasps, WIDE_BOX, WIDE_CHANNELS, &mut stream);
+        let facts = (0..grasps).map(|_| std::array::from_fn(|_| stream.uniform(-1.0, 1.0))).collect();
         JudgeInputs { crops, wide, facts }
     }
 
@@ -524,8 +525,8 @@ mod tests {
     fn logits_are_those_of_the_definition() {
         let (vector, inputs) = (initial_vector(3), inputs(3));
         let seen = JudgeNetwork::new(&vector).forward(&inputs);
-        for (hand, ours) in seen.logits().enumerate() {
-            let theirs = slow(&vector, hand, &inputs);
+        for (grasp, ours) in seen.logits().enumerate() {
+            let theirs = slow(&vector, grasp, &inputs);
             assert!(theirs.iter().any(|logit| logit.abs() > 0.05), "{theirs:?}");
             for (ours, theirs) in ours.iter().zip(theirs) {
                 assert!((f64::from(*ours) - theirs).abs() < 1e-4, "{ours} against {theirs}");
@@ -544,7 +545,7 @@ mod tests {
         let gradient = network.gradient(&network.transposed(), &inputs, &network.forward(&inputs), &d_logits);
         assert_eq!(gradient.len(), count_of(&LAYERS));
         let value = |vector: &[f32]| -> f64 {
-            let logits = (0..2).map(|hand| slow(vector, hand, &inputs));
+            let logits = (0..2).map(|grasp| slow(vector, grasp, &inputs));
             let products = logits
                 .zip(&d_logits)
                 .map(|(logits, d)| logits.iter().zip(d).map(|(logit, d)| logit * f64::from(*d)).sum::<f64>());

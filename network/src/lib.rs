@@ -1,5 +1,5 @@
 //! The networks: their layers, their kernels on the host, their files. One is the paper's volumetric grasp network
-//! (Fig. 1; VGN, `networks.py`), which answers for every voxel; the other is the judge, which answers for a hand.
+//! (Fig. 1; VGN, `networks.py`), which answers for every voxel; the other is the judge, which answers for a grasp.
 //!
 //! # Map
 //!
@@ -8,7 +8,7 @@
 //! - [`DenseNetwork`] evaluates the whole volume, for inference. [`VoxelNetwork`] evaluates one voxel per sample and
 //!   computes the gradient of every parameter, for training; [`receptive_field`] determines the part of the decoder
 //!   that a voxel needs.
-//! - [`judge`] is the judge: what it sees of a hand, its layers, its answers and their gradient.
+//! - [`judge`] is the judge: what it sees of a grasp, its layers, its answers and their gradient.
 //! - [`checkpoint`] is the file format of a network and its training state, which PyTorch reads, too.
 //!
 //! Parameters are a flat `[f32]` everywhere. The tests of the crate `trainer` have the same network in plain form with

@@ -79,7 +79,7 @@ def test_a_judge_of_a_dataset_is_trained_for_its_hands(scene, tmp_path):
     assert values[-1] < values[0]
     judge.save(tmp_path / "judge.safetensors")
     graspmill.Planner(model=tmp_path / "judge.safetensors", gripper="wsg_50").plan_tsdf(scene)
-    refused("the judge was trained for the hand wsg_50", lambda: graspmill.Planner(model=tmp_path / "judge.safetensors", gripper="parallel_jaw_80"))
+    refused("the judge was trained for the gripper wsg_50", lambda: graspmill.Planner(model=tmp_path / "judge.safetensors", gripper="parallel_jaw_80"))
 
 
 def test_several_hands_are_a_range_of_each_number():

@@ -198,7 +198,7 @@ pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Devic
     let robustness = datasets.iter().any(|dataset| dataset.info().repeats_some());
     let scope = Scope::of(&hands, info.procedure.pregrasp_distance_m, info.grid, robustness);
     match &config.method {
-        config::Method::Voxel(_) if scope.hands.is_some() => {
+        config::Method::Voxel(_) if scope.grippers.is_some() => {
             let text = "the voxel network has no gripper input: train it on data of one hand, or a judge on these";
             Err(Failure::new(ExitCode::Config, text))
         }

@@ -1,10 +1,10 @@
-//! What the judge sees of a hand: the TSDF around it, in its frame.
+//! What the judge sees of a grasp: the TSDF around the gripper, in the grasp's frame.
 //!
-//! A box of points spans the open hand, the way that it sweeps from pre-grasp to grasp, and some space beyond its tips;
-//! it scales with the hand. At each point stand the mean of the *observed* distances around it, the share of them that
-//! was observed, the height over the table, and the distance to the swept hand itself, so that one network can serve
-//! hands of other dimensions. A wider and coarser box about the tips shows what the hand would hold as a whole, and
-//! what lies around it: whether it is gripped beside its middle, and what else would move.
+//! A box of points spans the open gripper, the way that it sweeps from pre-grasp to grasp, and some space beyond its
+//! tips; it scales with the gripper. At each point stand the mean of the *observed* distances around it, the share of
+//! them that was observed, the height over the table, and the distance to the swept gripper itself, so that one network
+//! can serve grippers of other dimensions. A wider and coarser box about the tips shows what the gripper would hold as
+//! a whole, and what lies around it: whether it is gripped beside its middle, and what else would move.
 
 use schema::{Grid, Gripper, GripperBox, Mat3, Pose, Vec3, VoxelGrid};
 
@@ -12,13 +12,13 @@ use crate::kernels::conv::Extent;
 
 /// Points along x, y and z of the grasp frame.
 pub const BOX: [usize; 3] = [8, 20, 28];
-/// Values of a point: distance, observed share, height over the table, distance to the hand.
+/// Values of a point: distance, observed share, height over the table, distance to the gripper.
 pub const CHANNELS: usize = 4;
 /// Points of the surroundings along x, y and z of the grasp frame.
 pub const WIDE_BOX: [usize; 3] = [12, 8, 8];
 /// Values of a point of the surroundings: distance, observed share, height over the table.
 pub const WIDE_CHANNELS: usize = 3;
-/// Values of a hand besides its crop.
+/// Values of a grasp besides its crop.
 pub const FACTS: usize = 16;
 
 /// The boxes in memory, with the zeros that the first convolutions pad with.
@@ -43,7 +43,7 @@ const BEYOND_M: f32 = 0.02;
 const SHARE_MIN: f32 = 1e-3;
 /// Lengths are facts in units of this.
 const UNIT_M: f32 = 0.1;
-/// Closing forces are facts in units of this, less 1: judges of one hand were trained without this fact, at 0.
+/// Closing forces are facts in units of this, less 1: judges of one gripper were trained without this fact, at 0.
 const UNIT_N: f32 = 20.0;
 /// Numbers of views are facts in units of this.
 const UNIT_VIEWS: f32 = 6.0;
@@ -151,18 +151,18 @@ impl Lattice {
     }
 }
 
-/// How the judge sees a hand; made once for a hand and a grid.
+/// How the judge sees the grasps of a gripper in a grid.
 #[derive(Debug, Clone)]
 pub struct Crop {
     narrow: Lattice,
     wide: Lattice,
-    /// A padded box with the distances to the swept hand, and zeros for what is seen.
+    /// A padded box with the distances to the swept gripper, and zeros for what is seen.
     template: Vec<f32>,
     /// The points of both boxes that a [`super::Screen`] looks at, in the grasp frame.
     few_m: Vec<Vec3>,
-    /// What the hand sweeps, with its clearance.
+    /// What the gripper sweeps, with its clearance.
     swept: Vec<GripperBox>,
-    /// The hand's own facts.
+    /// The gripper's own facts.
     dimensions: [f32; 10],
     table_z_m: f32,
     voxel_size_m: f32,
@@ -176,12 +176,12 @@ impl Crop {
     /// Values of the surroundings with their padding.
     pub const WIDE_LEN: usize = WIDE_PADDED.len() * WIDE_CHANNELS;
 
-    /// How a judge sees this hand, which starts `pregrasp_distance_m` behind its grasp, in this grid.
+    /// How a judge sees this gripper, which starts `pregrasp_distance_m` behind its grasp, in this grid.
     #[must_use]
     pub fn new(gripper: &Gripper, pregrasp_distance_m: f32, grid: &Grid) -> Self {
-        // Judges know hands of three boxes, with fingers that are as thick at their tips.
-        let hand = Gripper { finger_tip: None, ..gripper.clone() }.open_gripper();
-        let sweep: Vec<GripperBox> = hand.iter().map(|b| b.swept_back(pregrasp_distance_m)).collect();
+        // Judges know grippers of three boxes, with fingers that are as thick at their tips.
+        let open = Gripper { finger_tip: None, ..gripper.clone() }.open_gripper();
+        let sweep: Vec<GripperBox> = open.iter().map(|b| b.swept_back(pregrasp_distance_m)).collect();
         let low = sweep.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = sweep.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
         let high = high + Vec3::new(0.0, 0.0, BEYOND_M);
@@ -203,22 +203,22 @@ impl Crop {
         crop
     }
 
-    /// Whether the hand, on its way to the grasp, comes nearer to the table than its clearance: then the attempt fails
-    /// for certain.
+    /// Whether the gripper, on its way to the grasp, comes nearer to the table than its clearance: then the attempt
+    /// fails for certain.
     #[must_use]
     pub fn hits_table(&self, workspace_from_grasp: &Pose) -> bool {
         let lowest_m = self.swept.iter().map(|b| b.lowest_z_m(workspace_from_grasp));
         lowest_m.fold(f32::INFINITY, f32::min) < self.table_z_m
     }
 
-    /// Appends the crop of a hand, `[10, 22, 30, CHANNELS]`, mirrored in the grasp's x and y or not.
+    /// Appends the crop of a grasp, `[10, 22, 30, CHANNELS]`, mirrored in the grasp's x and y or not.
     pub(super) fn see(&self, grid: &PaddedGrid, workspace_from_grasp: &Pose, mirrored: [bool; 2], to: &mut Vec<f32>) {
         let start = to.len();
         to.extend_from_slice(&self.template);
         self.look::<CHANNELS>(self.narrow, grid, workspace_from_grasp, mirrored, &mut to[start..]);
     }
 
-    /// Appends the surroundings of a hand, `[14, 10, 10, WIDE_CHANNELS]`.
+    /// Appends the surroundings of a grasp, `[14, 10, 10, WIDE_CHANNELS]`.
     pub(super) fn see_wide(
         &self,
         grid: &PaddedGrid,
@@ -269,8 +269,8 @@ impl Crop {
         }
     }
 
-    /// What is known of a hand besides its crop: where down is for it, the height of its tips, the number of views, its
-    /// dimensions.
+    /// What is known of a grasp besides its crop: where down is for it, the height of its tips, the number of views,
+    /// the gripper's dimensions.
     pub(super) fn facts(&self, workspace_from_grasp: &Pose, views: usize, mirrored: [bool; 2]) -> [f32; FACTS] {
         let mut facts = [0.0; FACTS];
         let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
@@ -421,7 +421,7 @@ mod tests {
         }
     }
 
-    /// The crop of a hand in a mirrored scene is the mirrored crop.
+    /// The crop of a grasp in a mirrored scene is the mirrored crop.
     #[test]
     fn mirrored_scenes_give_mirrored_crops() {
         let (grid, _) = slanted();
@@ -429,24 +429,24 @@ mod tests {
         for [x, y, z] in Extent::cube(40, 0).positions() {
             mirrored.values[Grid::PAPER.flat([39 - x, y, z])] = grid.values[Grid::PAPER.flat([x, y, z])];
         }
-        // This hand's x is the workspace's.
+        // This grasp's x is the workspace's.
         let (here, there) = (down_at(0.12, 0.16, 0.12), down_at(0.18, 0.16, 0.12));
         let (one, other) = (seen(&grid, &here, [true, false]), seen(&mirrored, &there, [false; 2]));
         assert!(one.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-4));
         assert!(seen(&grid, &here, [false; 2]).iter().zip(&other).any(|(a, b)| (a - b).abs() > 0.1));
-        let hand = view();
+        let crop = view();
         let tilted = Pose::from_parts(Vec3::splat(0.1), axis_angle(Vec3::Y, 0.5));
-        let [plain, mirrored] = [[false; 2], [true, false]].map(|by| hand.facts(&tilted, 3, by));
+        let [plain, mirrored] = [[false; 2], [true, false]].map(|by| crop.facts(&tilted, 3, by));
         assert_eq!((plain[0], plain[4]), (-mirrored[0], 0.5));
         assert!(plain[0] != 0.0 && plain[1..] == mirrored[1..]);
     }
 
     #[test]
-    fn only_hands_that_reach_the_table_hit_it() {
-        let hand = view();
-        assert!(!hand.hits_table(&down_at(0.15, 0.15, 0.0512)));
-        assert!(hand.hits_table(&down_at(0.15, 0.15, 0.0508)), "the clearance is 1 mm");
+    fn only_grippers_that_reach_the_table_hit_it() {
+        let crop = view();
+        assert!(!crop.hits_table(&down_at(0.15, 0.15, 0.0512)));
+        assert!(crop.hits_table(&down_at(0.15, 0.15, 0.0508)), "the clearance is 1 mm");
         let level = Pose::from_parts(Vec3::new(0.15, 0.15, 0.08), axis_angle(Vec3::Y, core::f32::consts::FRAC_PI_2));
-        assert!(!hand.hits_table(&level));
+        assert!(!crop.hits_table(&level));
     }
 }

@@ -1,7 +1,7 @@
-//! A quick look at many hands, so that the judge is asked about the likeliest alone.
+//! A quick look at many grasp candidates, so that the judge is asked about the likeliest alone.
 //!
-//! Most hands that are proposed do not hold, and a small network knows that from a few points of what the judge sees:
-//! it multiplies a hundredth as often. It only chooses; what a plan says of a hand is the judge's answer.
+//! Most candidates do not hold, and a small network knows that from a few points of what the judge sees: it
+//! multiplies a hundredth as often. It only chooses; what a plan says of a grasp is the judge's answer.
 
 use std::sync::LazyLock;
 
@@ -19,7 +19,7 @@ const VALUES: usize = 2;
 /// Inputs: the values of the few points, then the facts.
 const ROW: usize = VALUES * Crop::FEW + FACTS;
 
-/// Its layers; the only output is the logit of the probability that a hand holds.
+/// Its layers; the only output is the logit of the probability that a grasp holds.
 const LAYERS: [LayerShape; 3] =
     [layer("screen1", ROW, 64, 1, 1), layer("screen2", 64, 32, 1, 1), layer("screen3", 32, 1, 1, 1)];
 
@@ -34,7 +34,7 @@ pub struct Screen {
 }
 
 impl Screen {
-    /// The one that comes with the program, which knows all hands of `any_jaw`.
+    /// The one that comes with the program, which knows all grippers of `any_jaw`.
     #[must_use]
     pub fn built_in() -> Option<&'static Self> {
         BUILT_IN.as_ref()
@@ -50,20 +50,20 @@ impl Screen {
         Ok(Self { parameters: Parameters::from_vector(&LAYOUT, &vector) })
     }
 
-    /// The logit of the probability that each of some hands holds.
+    /// The logit of the probability that each of some grasps holds.
     #[must_use]
     pub fn logits(&self, crop: &Crop, grid: &PaddedGrid, views: usize, workspace_from_grasps: &[Pose]) -> Vec<f32> {
-        let hands = workspace_from_grasps.len();
-        if hands == 0 {
+        let grasps = workspace_from_grasps.len();
+        if grasps == 0 {
             return Vec::new();
         }
-        let mut values = Vec::with_capacity(hands * ROW);
+        let mut values = Vec::with_capacity(grasps * ROW);
         for pose in workspace_from_grasps {
             crop.see_few(grid, pose, &mut values);
             values.extend_from_slice(&crop.facts(pose, views, [false; 2]));
         }
         for (number, LayerShape { channels_in, channels_out, .. }) in LAYERS.into_iter().enumerate() {
-            let product = Conv::of_rows(hands, channels_in, channels_out.next_multiple_of(LANES));
+            let product = Conv::of_rows(grasps, channels_in, channels_out.next_multiple_of(LANES));
             let (weights, bias) = self.parameters.stage(number);
             values = product.forward(weights, bias, number + 1 < LAYERS.len(), &values);
         }

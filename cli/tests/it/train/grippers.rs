@@ -44,7 +44,7 @@ fn a_judge_learns_from_many_hands_and_answers_for_those_between_them() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let weights = path("run/last.safetensors");
     let Architecture::Judge(scope) = read(&weights).unwrap().architecture else { panic!("not a judge") };
-    assert_eq!(scope.hands.unwrap()[0], [0.08, 0.12]);
+    assert_eq!(scope.grippers.unwrap()[0], [0.08, 0.12]);
     let weights = weights.to_str().unwrap();
     let evaluate = |data: &str| trainer(&["evaluate", "--model", weights, "--data", data, "--split", "all"]);
     assert!(evaluate(&between).status.success());
