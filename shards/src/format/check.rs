@@ -236,7 +236,7 @@ fn placement(attempt: &AttemptRecord, target: &ObjectRecord) -> Checked {
     })
 }
 
-/// A hand that no numbers about its target place.
+/// A grasp that no numbers about its target place.
 fn undrawn(attempt: &AttemptRecord) -> Checked {
     let AttemptRecord { attempt_id, rule, tilt_rad, turn_rad, depth_m, slide_m, .. } = attempt;
     let drawn = [*tilt_rad, *turn_rad, *depth_m, *slide_m];
@@ -259,7 +259,7 @@ fn along_a_normal(attempt: &AttemptRecord, target: &ObjectRecord) -> Checked {
     let touch_m = target.workspace_from_object.inverse_transform_point(grasp.translation + normal * *depth_m);
     let outside_m =
         solid.planes().iter().map(|plane| plane.normal.dot(touch_m) - plane.offset_m).fold(f32::MIN, f32::max);
-    // Where no visible point was found, the hand comes down on the object's centre.
+    // Where no visible point was found, the gripper comes down on the object's centre.
     let is_there = outside_m.abs() <= PLACEMENT_TOLERANCE_M || touch_m.length() <= PLACEMENT_TOLERANCE_M;
     must(is_there, || {
         format!(

@@ -116,8 +116,8 @@ const SCENES: &[Column] = &[
 ];
 
 // What follows are the last columns of their table, so that tables without them are the others.
-/// Columns of `scenes` that are there only where a dataset has several hands.
-const OF_HANDS: &[Column] =
+/// Columns of `scenes` that are there only where a dataset has several grippers.
+const OF_GRIPPERS: &[Column] =
     &[column(GRIPPER, Kind::Name, "The hand of the scene's attempts; its dimensions: `grippers` of `meta/info.json`")];
 
 pub(crate) const GRIPPER: &str = "gripper";
@@ -154,7 +154,7 @@ pub(crate) const CONTAINER_SIZES: [&str; 5] =
 pub struct Form {
     /// Voxels of a TSDF along a side.
     pub resolution: usize,
-    /// Whether there are several hands.
+    /// Whether there are several grippers.
     pub has_grippers: bool,
     /// Whether there may be containers.
     pub has_containers: bool,
@@ -189,7 +189,7 @@ impl Table {
     pub(crate) fn columns(self, form: Form) -> Vec<&'static Column> {
         let parts: &[(&[Column], bool)] = match self {
             Self::Attempts => &[(ATTEMPTS, true), (OF_REPEATS, form.has_repeats)],
-            Self::Scenes => &[(SCENES, true), (OF_HANDS, form.has_grippers), (OF_CONTAINERS, form.has_containers)],
+            Self::Scenes => &[(SCENES, true), (OF_GRIPPERS, form.has_grippers), (OF_CONTAINERS, form.has_containers)],
             Self::Objects => &[(OBJECTS, true)],
         };
         parts.iter().filter(|(_, is_there)| *is_there).flat_map(|(columns, _)| *columns).collect()

@@ -125,7 +125,7 @@ pub(crate) fn scenes(batch: &RecordBatch, info: &DatasetInfo) -> Decoded<Vec<Sce
     let views = columns.get("views")?.as_list_opt::<i32>().ok_or_else(|| wrong("views"))?;
     let has_tsdf = batch.column_by_name("tsdf").is_some();
     if info.form().has_grippers {
-        let number = |name: &str| info.grippers().iter().position(|hand| hand.name == name);
+        let number = |name: &str| info.grippers().iter().position(|gripper| gripper.name == name);
         for (scene, number) in scene.iter().zip(columns.names(GRIPPER, number)?) {
             let (expected, got) = (&info.gripper_of(*scene).name, &info.grippers()[number].name);
             if got != expected {
@@ -263,7 +263,7 @@ mod tests {
     use crate::{Table, synthetic};
 
     #[test]
-    fn a_scene_of_another_hand_is_damaged() {
+    fn a_scene_of_another_gripper_is_damaged() {
         let mut info = synthetic::info(3, 1, 12, 6);
         info.grid.resolution = 2;
         let other = schema::Gripper { name: "other".to_owned(), ..info.gripper.clone() };

@@ -103,9 +103,9 @@ fn scenes(rows: &[&SceneRecord], info: &DatasetInfo) -> Encoded<Vec<ArrayRef>> {
         voxels(rows, form.resolution)?,
     ];
     if form.has_grippers {
-        let hands = info.grippers();
-        let vocabulary: Vec<&str> = hands.iter().map(|hand| hand.name.as_str()).collect();
-        let of_scene = |row: &SceneRecord| (row.scene_id % hands.len() as u64) as usize;
+        let grippers = info.grippers();
+        let vocabulary: Vec<&str> = grippers.iter().map(|gripper| gripper.name.as_str()).collect();
+        let of_scene = |row: &SceneRecord| (row.scene_id % grippers.len() as u64) as usize;
         columns.push(names(&vocabulary, rows.iter().map(|row| Some(of_scene(row))))?);
     }
     if form.has_containers {

@@ -35,7 +35,7 @@ pub struct DatasetInfo {
     pub attempts_per_scene: u32,
     /// The grid of the TSDFs.
     pub grid: Grid,
-    /// The hand; the first of several.
+    /// The gripper; the first of several.
     pub gripper: Gripper,
     /// The attempt's procedure.
     pub procedure: Procedure,
@@ -50,7 +50,7 @@ pub struct DatasetInfo {
     /// Its objects, if they are not primitives; `shape` in its rows is then a model's name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub models: Vec<Arc<Model>>,
-    /// Its hands if they are several, which take turns: scene i has number i modulo their count.
+    /// Its grippers if they are several, which take turns: scene i has number i modulo their count.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grippers: Vec<Gripper>,
 }
@@ -127,22 +127,22 @@ impl DatasetInfo {
         scene_id.saturating_mul(u64::from(self.attempts_per_scene)).min(self.attempt_count)
     }
 
-    /// Its hands.
+    /// Its grippers.
     #[must_use]
     pub fn grippers(&self) -> &[Gripper] {
         if self.grippers.is_empty() { slice::from_ref(&self.gripper) } else { &self.grippers }
     }
 
-    /// The hand of a scene.
+    /// The gripper of a scene.
     #[must_use]
     pub fn gripper_of(&self, scene_id: u64) -> &Gripper {
         gripper_of(self.grippers(), scene_id)
     }
 
-    /// How far the widest of its hands opens.
+    /// How far the widest of its grippers opens.
     #[must_use]
     pub fn opening_m_max(&self) -> f32 {
-        self.grippers().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max)
+        self.grippers().iter().map(|gripper| gripper.opening_m_max).fold(0.0, f32::max)
     }
 
     /// What its tables' columns depend on.
@@ -176,10 +176,10 @@ impl DatasetInfo {
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         let mut problems = faults_of(&self.gripper, "gripper");
-        for (number, hand) in self.grippers.iter().enumerate() {
-            problems.extend(faults_of(hand, &format!("grippers.{number}")));
+        for (number, gripper) in self.grippers.iter().enumerate() {
+            problems.extend(faults_of(gripper, &format!("grippers.{number}")));
         }
-        problems.extend(self.hands_problem().map(|problem| format!("grippers {problem}")));
+        problems.extend(self.grippers_problem().map(|problem| format!("grippers {problem}")));
         problems.extend(faults_of(&self.procedure, "procedure"));
         let Grid { resolution, size_m, table_z_m } = self.grid;
         let (attempts, shards, models) = (self.attempt_count, self.shard_count, &self.models);
@@ -228,11 +228,11 @@ impl DatasetInfo {
         problems
     }
 
-    /// What is wrong with its hands as a whole.
-    fn hands_problem(&self) -> Option<String> {
+    /// What is wrong with its grippers as a whole.
+    fn grippers_problem(&self) -> Option<String> {
         let first = self.grippers.first()?;
         if self.grippers.len() == 1 {
-            return Some("must be left out for a single hand".to_owned());
+            return Some("must be left out for a single gripper".to_owned());
         }
         let differs = (*first != self.gripper).then(|| "must begin with gripper".to_owned());
         differs.or_else(|| Grippers::problem(&self.grippers))

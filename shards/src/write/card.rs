@@ -32,7 +32,7 @@ origin midway between the finger tips, +z approach, +y closing; a half turn abou
 the attempt's procedure and the convex parts of objects that are no primitives stand in `meta/info.json`.
 
 A `rule` is a row of the paper's Appendix A, or it ends in `_normal` (VGN's: along the normal of a seen surface point),
-`_proposal` (touches what was seen, and stands free), `_displaced` (a hand that held, moved a little) or `_judged` (a
+`_proposal` (touches what was seen, and stands free), `_displaced` (a grasp that held, moved a little) or `_judged` (a
 proposal that a judge held for the best).
 ";
 

@@ -1,4 +1,4 @@
-//! Datasets of several hands: their rows name the hand, and each scene's rows are held to its own.
+//! Datasets of several grippers: their rows name the gripper, and each scene's rows are held to its own.
 
 use std::fs;
 
@@ -20,7 +20,7 @@ fn info() -> DatasetInfo {
 }
 
 #[test]
-fn a_scene_has_the_hand_whose_turn_it_is() {
+fn a_scene_has_the_gripper_whose_turn_it_is() {
     let dir = tempfile::tempdir().unwrap();
     let info = info();
     let draft = Draft::begin(dir.path(), &info).unwrap();
@@ -53,7 +53,7 @@ fn a_scene_has_the_hand_whose_turn_it_is() {
 }
 
 #[test]
-fn a_width_is_held_to_the_scenes_own_hand() {
+fn a_width_is_held_to_the_scenes_own_gripper() {
     let dir = tempfile::tempdir().unwrap();
     let info = info();
     let writer = || Draft::begin(dir.path(), &info).unwrap().shard(0).unwrap();
@@ -72,15 +72,15 @@ fn a_width_is_held_to_the_scenes_own_hand() {
 }
 
 #[test]
-fn hands_that_cannot_be_are_refused() {
+fn grippers_that_cannot_be_are_refused() {
     type Case = (fn(&mut DatasetInfo), &'static str);
     let cases: [Case; 5] = [
         (|info| info.format_version = 1, "format_version must be 3, the lowest that"),
         (
             |info| info.grippers[1].name = "wider".to_owned(),
-            "grippers must be hands of different names, got two of wider",
+            "grippers must be grippers of different names, got two of wider",
         ),
-        (|info| info.grippers.truncate(1), "grippers must be left out for a single hand"),
+        (|info| info.grippers.truncate(1), "grippers must be left out for a single gripper"),
         (|info| info.grippers.swap(0, 1), "grippers must begin with gripper"),
         (|info| info.grippers[2].friction = -1.0, "grippers.2.friction must be between 0 and 5, got -1"),
     ];
