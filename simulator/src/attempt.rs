@@ -1,7 +1,7 @@
 //! One execution of a grasp: the label's contract.
 //!
 //! 1. The geometric gate ([`Gate`]) plays pre-grasp and approach: a straight way needs no time steps.
-//! 2. The open hand is put at the grasp and closes until both fingers stand still, or the jaws meet.
+//! 2. The open gripper is put at the grasp and closes until both fingers stand still, or the jaws meet.
 //! 3. It retreats, smoothly, pressing with its finger force, and holds still.
 //! 4. The outcome is the first that applies: `pregrasp_collision`, `approach_collision`, `empty`, `slipped`,
 //!    `hit_other`, `held`.
@@ -23,10 +23,10 @@ const STOPPED_SPEED_M_S: f32 = 0.002;
 /// … if they have for this long.
 const STOPPED_TIME_S: f32 = 0.025;
 
-/// Under a board a hand rises by this share of its way out.
+/// Under a board a gripper rises by this share of its way out.
 const RISE: f32 = 0.2;
 
-/// A retreating hand is held against fixtures this often on its way.
+/// A retreating gripper is held against fixtures this often on its way.
 const WAY_STEP_M: f32 = 0.002;
 
 /// How an execution ended.
@@ -137,10 +137,10 @@ impl<'a> AttemptWorld<'a> {
     }
 
     /// Tries one grasp of object `target` as [`Self::execute`] does without shortcuts, and gives what it leaves behind:
-    /// where each object is, in the workspace, at the moment the attempt ends and the hand is taken away. What was
+    /// where each object is, in the workspace, at the moment the attempt ends and the gripper is taken away. What was
     /// still held or falling then hangs in the air; [`crate::settle_again`] lets it come to rest.
     ///
-    /// A hand that the gate stopped has touched nothing: the poses are the scene's, to the bit.
+    /// A gripper that the gate stopped has touched nothing: the poses are the scene's, to the bit.
     ///
     /// # Panics
     /// If the scene has no object `target`.
@@ -152,7 +152,7 @@ impl<'a> AttemptWorld<'a> {
         self.close_and_lift(workspace_from_grasp, target)
     }
 
-    /// Where the open hand halts that stops at the first touch of its way instead of giving up; the grasp itself if
+    /// Where the open gripper halts that stops at the first touch of its way instead of giving up; the grasp itself if
     /// nothing is in the way, and `None` if something is at the pre-grasp.
     #[must_use]
     pub fn halted(&self, workspace_from_grasp: &Pose) -> Option<Pose> {
@@ -166,7 +166,7 @@ impl<'a> AttemptWorld<'a> {
         Some((self.procedure.pregrasp_distance_m - way_m).max(0.0))
     }
 
-    /// As [`Self::execute_leaving`] from where the hand stands open, however it came there.
+    /// As [`Self::execute_leaving`] from where the gripper stands open, however it came there.
     ///
     /// # Panics
     /// If the scene has no object `target`.
@@ -177,7 +177,7 @@ impl<'a> AttemptWorld<'a> {
         (execution, run.workspace_poses())
     }
 
-    /// A fresh copy of the scene with a hand in it.
+    /// A fresh copy of the scene with a gripper in it.
     fn engine(&self, workspace_from_grasp: &Pose, closed_m: f32, all_awake: bool) -> Box<dyn AttemptEngine + '_> {
         match &self.objects {
             Objects::Stepper(things) => Box::new(self.stepper(things, workspace_from_grasp, closed_m, all_awake)),
@@ -238,7 +238,7 @@ pub(crate) struct Run<'a> {
     watcher: Option<&'a mut (dyn Watcher + 'a)>,
 }
 
-/// The way of the hand with its catch.
+/// The way of the gripper with its catch.
 #[derive(Debug, Clone, Copy)]
 struct Lift {
     direction: Vec3,
@@ -248,7 +248,7 @@ struct Lift {
     all_steps: usize,
     /// Steps that have been made.
     step: usize,
-    /// How far the hand has come.
+    /// How far the gripper has come.
     distance_m: f32,
 }
 
@@ -352,7 +352,7 @@ impl<'a> Run<'a> {
         width_m
     }
 
-    /// Moves the hand out and holds; whether the target came along and is still gripped.
+    /// Moves the gripper out and holds; whether the target came along and is still gripped.
     fn retreat_and_hold(&mut self, target_start_m: Vec3) -> bool {
         let (physics, procedure) = (self.setup.physics, self.setup.procedure);
         let mut lift = self.begin_lift();
@@ -407,7 +407,7 @@ impl<'a> Run<'a> {
     fn lift_once(&mut self, lift: &mut Lift) {
         lift.step += 1;
         let share = lift.share();
-        // Smoothstep: the hand starts and stops without a jolt.
+        // Smoothstep: the gripper starts and stops without a jolt.
         lift.distance_m = self.setup.procedure.retreat_distance_m * share * share * (3.0 - 2.0 * share);
         self.engine.press(lift.asymmetry_m);
         self.engine.move_to(lift.direction * lift.distance_m);
@@ -424,8 +424,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// What the closing hand drove: another object; or a fixture or the table, if a finger came within half the
-    /// clearance of it (the gate has kept the open hand a whole clearance away).
+    /// What the closing gripper drove: another object; or a fixture or the table, if a finger came within half the
+    /// clearance of it (the gate has kept the open gripper a whole clearance away).
     fn pushed(&mut self, before: &[Vec3], after: &[Vec3]) -> Option<Hit> {
         let limit = self.setup.procedure.other_push_m_max;
         let moved_m = |id: usize| (after[id] - before[id]).length();
@@ -451,7 +451,7 @@ impl<'a> Run<'a> {
         low.then_some(Hit::TABLE)
     }
 
-    /// The fixture that the hand met on the whole way of its retreat, as [`Self::pushed`] has it.
+    /// The fixture that the gripper met on the whole way of its retreat, as [`Self::pushed`] has it.
     fn lifted_into_fixture(&mut self) -> Option<Hit> {
         let (gripper, gate) = (self.setup.gripper, &self.setup.gate);
         if !gate.has_fixtures() {
@@ -460,13 +460,13 @@ impl<'a> Run<'a> {
         let [left, right] = self.engine.closed_m();
         let [left, right] = [left, -right].map(|way_m| Vec3::Y * way_m);
         let closed = gripper.open_gripper().into_iter().zip([left, right, Vec3::ZERO, left, right]);
-        let hand: Vec<GripperBox> = closed.map(|(b, way_m)| b.moved(way_m).grown(0.5 * gripper.clearance_m)).collect();
+        let boxes: Vec<GripperBox> = closed.map(|(b, way_m)| b.moved(way_m).grown(0.5 * gripper.clearance_m)).collect();
         let (direction, way_m) = (self.retreat_direction(), self.setup.procedure.retreat_distance_m);
         let steps = (way_m / WAY_STEP_M).ceil();
         let hits = (0..=steps as usize).any(|step| {
             let moved_m = direction * (way_m * step as f32 / steps);
-            let hand: Vec<GripperBox> = hand.iter().map(|b| b.moved(moved_m)).collect();
-            gate.touches_fixtures(&self.workspace_from_grasp, &hand)
+            let moved: Vec<GripperBox> = boxes.iter().map(|b| b.moved(moved_m)).collect();
+            gate.touches_fixtures(&self.workspace_from_grasp, &moved)
         });
         if hits {
             self.tell(AttemptEvent::NearContainer);
@@ -493,7 +493,7 @@ impl<'a> Run<'a> {
         (0..self.object_count).map(|id| self.engine.pose(id).translation).collect()
     }
 
-    /// Where the objects are now, in the workspace. (The world's frame is that of the hand at the grasp.)
+    /// Where the objects are now, in the workspace. (The world's frame is that of the gripper at the grasp.)
     fn workspace_poses(&self) -> Vec<Pose> {
         let in_workspace = |id: usize| {
             let pose = self.workspace_from_grasp * self.engine.pose(id);
@@ -502,7 +502,7 @@ impl<'a> Run<'a> {
         (0..self.object_count).map(in_workspace).collect()
     }
 
-    /// Where the hand goes with its catch: back along the approach if that is near enough to straight down, else up;
+    /// Where the gripper goes with its catch: back along the approach if that is near enough to straight down, else up;
     /// under a board back and a little up.
     fn retreat_direction(&self) -> Vec3 {
         let back = -Vec3::Z;
@@ -552,7 +552,7 @@ mod tests {
 
     use super::*;
 
-    /// How far a block of `mass_kg` has fallen behind the hand at the end of lift and hold, in metres.
+    /// How far a block of `mass_kg` has fallen behind the gripper at the end of lift and hold, in metres.
     fn lag_m(physics: &Physics, mass_kg: f32, hold_time_s: f32) -> f32 {
         let gripper = Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap();
         let procedure = Procedure { hold_time_s, ..Procedure::PAPER };
@@ -570,7 +570,7 @@ mod tests {
     }
 
     /// Two fingers of 20 N with friction 1 accelerate 3.6 kg by at most c = 40 N / 3.6 kg − g, and the lift asks for
-    /// A = 6 d / T² at first: the block slides d·(1 − c/A)³ until it is as fast as the hand, then rests in the jaws.
+    /// A = 6 d / T² at first: the block slides d·(1 − c/A)³ until it is as fast as the gripper, then rests in the jaws.
     #[test]
     fn a_heavy_block_slides_as_far_as_coulomb_says_and_does_not_creep() {
         let wanted = 6.0 * 0.1 / (0.5 * 0.5);

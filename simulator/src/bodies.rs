@@ -50,10 +50,10 @@ pub(crate) trait AttemptEngine: Bodies {
     /// Presses with the finger force and keeps the fingers' asymmetry at contact (call before every step of the lift).
     fn press(&mut self, asymmetry_at_contact_m: f32);
 
-    /// Tells the hand where to be at the end of the next step.
+    /// Tells the gripper where to be at the end of the next step.
     fn move_to(&mut self, position_m: Vec3);
 
-    /// By how much the boxes of the open hand have moved since the beginning: left and right finger, palm.
+    /// By how much the boxes of the open gripper have moved since the beginning: left and right finger, palm.
     fn gripper_moved_m(&self) -> [Vec3; 3];
 
     /// Whether nothing has touched an object yet.
@@ -62,7 +62,7 @@ pub(crate) trait AttemptEngine: Bodies {
     /// Whether both fingers pressed on an object in the last step.
     fn is_gripped(&self, object_id: usize) -> bool;
 
-    /// Whether anything but the hand pressed on an object in the last step.
+    /// Whether anything but the gripper pressed on an object in the last step.
     fn is_touched_by_others(&self, object_id: usize) -> bool;
 
     /// What pressed on each other in the last step, in this frame.

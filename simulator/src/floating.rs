@@ -1,8 +1,9 @@
-//! A grasp of an object that floats: no table, and no gravity while the hand closes; then what the hand has is pulled
-//! or shaken.
+//! A grasp of an object that floats: no table, and no gravity while the gripper closes; then what the gripper has is
+//! pulled or shaken.
 //!
-//! The frame is that of the grasp, and the hand stays where it is in it. A hand that moves is a frame that accelerates,
-//! in which what is free gains the opposite acceleration; so nothing is lost, and no step is spent on a way.
+//! The frame is that of the grasp, and the gripper stays where it is in it. A gripper that moves is a frame that
+//! accelerates, in which what is free gains the opposite acceleration; so nothing is lost, and no step is spent on a
+//! way.
 
 use core::f32::consts::TAU;
 
@@ -19,7 +20,7 @@ use crate::{Body, Obstruction, Scene, SceneObject};
 const FAR_M: f32 = 1e3;
 /// A pull comes up to its strength in this time, so that it is no blow.
 const RISE_S: f32 = 0.025;
-/// An object is at rest in the hand if it moves no faster than this, in m/s and rad/s, for [`REST_TIME_S`].
+/// An object is at rest in the gripper if it moves no faster than this, in m/s and rad/s, for [`REST_TIME_S`].
 const REST: [f32; 2] = [0.001, 0.02];
 const REST_TIME_S: f32 = 0.025;
 
@@ -28,7 +29,7 @@ pub struct FloatingWorld<'a> {
     world: AttemptWorld<'a>,
 }
 
-/// What happens to a hand that has closed. Directions are in the frame of the grasp.
+/// What happens to a gripper that has closed. Directions are in the frame of the grasp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Load {
     /// What is free is accelerated, steadily.
@@ -38,11 +39,11 @@ pub enum Load {
         /// For so long after it came up, in seconds.
         time_s: f32,
     },
-    /// The hand goes to and fro along a direction, then it turns to and fro about a point.
+    /// The gripper goes to and fro along a direction, then it turns to and fro about a point.
     Shake(Shake),
 }
 
-/// A hand that is shaken.
+/// A gripper that is shaken.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shake {
     /// From one end of its way to the other, in metres.
@@ -66,7 +67,7 @@ pub struct Hold {
     pub turned_rad_max: f32,
 }
 
-/// How an object moved in a hand.
+/// How an object moved in a gripper.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Motion {
     /// Its centre of mass, against the point between the fingers, in metres.
@@ -84,7 +85,7 @@ pub struct Ending {
     pub motion: Motion,
 }
 
-/// A hand that has closed on an object.
+/// A gripper that has closed on an object.
 #[derive(Clone)]
 pub struct Grip<'a> {
     world: &'a AttemptWorld<'a>,
@@ -100,7 +101,7 @@ pub struct Grip<'a> {
 /// Who watches, if anybody does, and the steps that were before.
 type Watching<'w, 'r> = Option<(&'w mut (dyn Watcher + 'r), usize)>;
 
-/// What is seen after a step; the hand stands still, where it came to in the object's frame.
+/// What is seen after a step; the gripper stands still, where it came to in the object's frame.
 fn moment<'r>(stepper: &'r Stepper<'_>, phase: Phase, steps: usize, object_from_grasp: &Pose) -> Moment<'r> {
     Moment { phase, steps, engine: stepper, object_count: 1, workspace_from_grasp: *object_from_grasp }
 }
@@ -126,8 +127,8 @@ impl<'a> FloatingWorld<'a> {
         Self { world: AttemptWorld::with_inertia(physics, gripper, procedure, &scene, least) }
     }
 
-    /// Closes the hand at a grasp in the object's frame; or how the attempt ended before anything was between the
-    /// fingers: the hand cannot come there, or the jaws met.
+    /// Closes the gripper at a grasp in the object's frame; or how the attempt ended before anything was between the
+    /// fingers: the gripper cannot come there, or the jaws met.
     ///
     /// # Errors
     /// The end of the attempt.
@@ -184,13 +185,13 @@ impl<'a> FloatingWorld<'a> {
         Ok(Grip { world, stepper, asymmetry_m, closing, grasp_from_object, object_from_grasp: *object_from_grasp })
     }
 
-    /// Whether the open hand comes to a grasp without touching the object.
+    /// Whether the open gripper comes to a grasp without touching the object.
     #[must_use]
     pub fn is_reached(&self, object_from_grasp: &Pose) -> bool {
         self.world.gate.blocked(object_from_grasp, 0).is_none()
     }
 
-    /// What blocks the hand on its way to a grasp, in the object's frame; `None` if nothing does.
+    /// What blocks the gripper on its way to a grasp, in the object's frame; `None` if nothing does.
     #[must_use]
     pub fn obstruction(&self, object_from_grasp: &Pose) -> Option<Obstruction> {
         self.world.obstruction(object_from_grasp, 0)
@@ -203,15 +204,15 @@ impl<'a> FloatingWorld<'a> {
         things.moving[0].centre_m
     }
 
-    /// By how much the open hand stops short of a grasp when it comes along the approach and halts before the object;
-    /// `None` if it touches the object at the pre-grasp.
+    /// By how much the open gripper stops short of a grasp when it comes along the approach and halts before the
+    /// object; `None` if it touches the object at the pre-grasp.
     #[must_use]
     pub fn stops_short_m(&self, object_from_grasp: &Pose) -> Option<f32> {
         self.world.stops_short_m(object_from_grasp)
     }
 }
 
-/// Where an object is in the hand.
+/// Where an object is in the gripper.
 #[derive(Clone, Copy)]
 struct Placed {
     centre_m: Vec3,
@@ -246,7 +247,7 @@ impl Grip<'_> {
         self.world.width_m(self.stepper.closed_m())
     }
 
-    /// How the object moved while the hand closed.
+    /// How the object moved while the gripper closed.
     #[must_use]
     pub fn closing(&self) -> Motion {
         self.closing
@@ -260,8 +261,8 @@ impl Grip<'_> {
         [0, 1].map(|finger| self.stepper.pressed_at_m(finger, 0).map(in_object))
     }
 
-    /// Whether the object stays in the hand under a load, with the hand's friction multiplied by `friction_factor`
-    /// once it has closed. The grip itself stays as it is.
+    /// Whether the object stays in the gripper under a load, with the gripper's friction multiplied by
+    /// `friction_factor` once it has closed. The grip itself stays as it is.
     #[must_use]
     pub fn bear(&self, load: &Load, hold: &Hold, friction_factor: f32) -> Ending {
         self.bear_watched(load, hold, friction_factor, None)
@@ -333,7 +334,7 @@ impl Load {
         matches!(self, Self::Pull { .. }) && time_s >= RISE_S
     }
 
-    /// What is free gains so much in the hand's frame, which turns so.
+    /// What is free gains so much in the gripper's frame, which turns so.
     fn at(&self, time_s: f32) -> (Vec3, Option<Turning>) {
         match self {
             Self::Pull { acceleration_m_s2, .. } => {
@@ -375,7 +376,7 @@ mod tests {
     const FAITHFUL: Physics = Physics { solver_iterations: 8, ..Physics::FAITHFUL };
     const TIGHT: Hold = Hold { moved_m_max: 0.002, turned_rad_max: 0.1 };
 
-    fn hand() -> Gripper {
+    fn parallel_jaw() -> Gripper {
         Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
     }
 
@@ -403,7 +404,7 @@ mod tests {
     /// Two plates with friction μ that press with F hold m against a: 2 μ F = m a.
     #[test]
     fn a_block_between_plates_holds_as_coulomb_says() {
-        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        let (gripper, procedure) = (parallel_jaw(), Procedure::PAPER);
         for (physics, mass_kg) in [(FAITHFUL, 2.0), (FAITHFUL, 0.7), (Physics::STANDARD, 2.0)] {
             let world = FloatingWorld::new(&physics, &gripper, &procedure, &block(), mass_kg, 0.6);
             let grip = world.close(&about_it()).ok().unwrap();
@@ -436,7 +437,7 @@ mod tests {
     /// A block that is gripped beside its centre of mass turns before it slides.
     #[test]
     fn a_block_gripped_beside_its_centre_of_mass_turns_as_coulomb_says() {
-        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        let (gripper, procedure) = (parallel_jaw(), Procedure::PAPER);
         let block: Body = Solid::new(ShapeKind::Cuboid, Vec3::new(0.14, 0.04, 0.02)).unwrap().into();
         let friction_n = gripper.friction * 0.6 * gripper.finger_force_n;
         let slides_m_s2 = 2.0 * friction_n;
@@ -456,7 +457,7 @@ mod tests {
     /// In a frame that turns about its origin, a body that is free and rests stays where it is for who does not turn.
     #[test]
     fn what_nothing_holds_stays_where_it_is_while_the_frame_turns() {
-        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        let (gripper, procedure) = (parallel_jaw(), Procedure::PAPER);
         let body: Body = Solid::new(ShapeKind::Cuboid, Vec3::new(0.02, 0.04, 0.07)).unwrap().into();
         let away = Pose::from_translation(Vec3::new(0.0, 0.0, -0.5));
         let world = FloatingWorld::new(&FAITHFUL, &gripper, &procedure, &body, 0.3, 0.6);
@@ -486,7 +487,7 @@ mod tests {
     /// distance.
     #[test]
     fn a_shake_loses_what_coulomb_cannot_hold() {
-        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        let (gripper, procedure) = (parallel_jaw(), Procedure::PAPER);
         let mass_kg = 1.0;
         let world = FloatingWorld::new(&FAITHFUL, &gripper, &procedure, &block(), mass_kg, 0.5);
         let grip = world.close(&about_it()).ok().unwrap();
@@ -507,7 +508,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_closed_on_says_why() {
-        let (gripper, procedure) = (hand(), Procedure::PAPER);
+        let (gripper, procedure) = (parallel_jaw(), Procedure::PAPER);
         let world = FloatingWorld::new(&Physics::STANDARD, &gripper, &procedure, &block(), 0.1, 1.0);
         let ends =
             |at: Vec3| world.close(&Pose::from_translation(at)).map_or_else(|end| end.outcome, |_| Outcome::Held);

@@ -1,7 +1,7 @@
-//! The geometric gate: does the open hand reach the grasp without touching anything?
+//! The geometric gate: does the open gripper reach the grasp without touching anything?
 //!
-//! The approach is a straight line along the grasp's z axis, and the hand is made of boxes along the grasp's axes; so
-//! what a box sweeps is a longer box, and the test is exact, without time steps. The boxes are first grown by the
+//! The approach is a straight line along the grasp's z axis, and the gripper is made of boxes along the grasp's axes;
+//! so what a box sweeps is a longer box, and the test is exact, without time steps. The boxes are first grown by the
 //! gripper's clearance: whatever comes nearer than that counts as touched, in every engine that repeats an attempt.
 
 use schema::{Gripper, GripperBox, HitKind, Outcome, Pose, Procedure, Vec3};
@@ -40,7 +40,7 @@ const FINE: usize = 10;
 /// Parts in their frame, and where that is in the workspace.
 type Obstacle = (Vec<TestedPart>, Pose);
 
-/// A scene and a hand, made ready for the test.
+/// A scene and a gripper, made ready for the test.
 #[derive(Clone)]
 pub struct Gate {
     table_z_m: f32,
@@ -52,34 +52,34 @@ pub struct Gate {
 }
 
 impl Gate {
-    /// Makes scene and hand ready.
+    /// Makes scene and gripper ready.
     #[must_use]
     pub fn new(scene: &Scene, gripper: &Gripper, procedure: &Procedure) -> Self {
         let hulls = |o: &SceneObject| o.body.polyhedra().iter().map(TestedPart::new).collect();
         let obstacles = scene.objects.iter().map(|o| (hulls(o), o.workspace_from_object)).collect();
         let fixtures = (scene.fixtures.iter().map(TestedPart::new).collect(), Pose::IDENTITY);
         let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
-        let hand = gripper.open_gripper();
-        let pregrasp = hand.iter().map(|b| b.moved(-back).grown(gripper.clearance_m)).collect();
+        let open = gripper.open_gripper();
+        let pregrasp = open.iter().map(|b| b.moved(-back).grown(gripper.clearance_m)).collect();
         let swept = |b: &GripperBox| b.swept_back(procedure.pregrasp_distance_m).grown(gripper.clearance_m);
-        let approach = hand.iter().map(swept).collect();
+        let approach = open.iter().map(swept).collect();
         Self { table_z_m: scene.table_z_m, obstacles, fixtures, pregrasp, approach }
     }
 
-    /// The collision that keeps the hand from the grasp, if there is one.
+    /// The collision that keeps the gripper from the grasp, if there is one.
     #[must_use]
     pub fn blocked(&self, workspace_from_grasp: &Pose, target: usize) -> Option<(Outcome, Hit)> {
         let hit = |boxes: &[GripperBox]| self.first_hit(boxes, workspace_from_grasp, target);
         let approach = hit(&self.approach)?;
-        // The sweep holds the pre-grasp hand, so only a blocked sweep needs the second look.
+        // The sweep holds the pre-grasp gripper, so only a blocked sweep needs the second look.
         Some(match hit(&self.pregrasp) {
             Some(pregrasp) => (Outcome::PregraspCollision, pregrasp),
             None => (Outcome::ApproachCollision, approach),
         })
     }
 
-    /// How far the open hand comes on its way from the pre-grasp before it touches anything, at most to the grasp, in
-    /// metres, to a thousandth of the way; `None` if it touches something at the pre-grasp.
+    /// How far the open gripper comes on its way from the pre-grasp before it touches anything, at most to the grasp,
+    /// in metres, to a thousandth of the way; `None` if it touches something at the pre-grasp.
     #[must_use]
     pub fn free_way_m(&self, workspace_from_grasp: &Pose) -> Option<f32> {
         let way_m = self.approach[0].half_m.z - self.pregrasp[0].half_m.z;
@@ -149,8 +149,8 @@ impl Gate {
         self.overlapped(None, workspace_from_grasp, boxes).next().is_some()
     }
 
-    /// How far each finger of an open hand at a grasp can close before it meets a fixture, at most `most_m`, in metres,
-    /// to a thousandth of that.
+    /// How far each finger of an open gripper at a grasp can close before it meets a fixture, at most `most_m`, in
+    /// metres, to a thousandth of that.
     pub(crate) fn free_closing_m(
         &self,
         workspace_from_grasp: &Pose,

@@ -1,4 +1,4 @@
-//! The hand in the world: a kinematic palm and two fingers that slide along the grasp's y.
+//! The gripper in the world: a kinematic palm and two fingers that slide along the grasp's y.
 //!
 //! The palm goes where it is told, like a robot's flange. A finger is rigid but for its one direction of closing: along
 //! the others it has no inverse mass and moves with the palm. (On a prismatic joint it has to be held sideways by the
@@ -25,7 +25,7 @@ pub(crate) const GEAR_DAMPING_N_S_M: f32 = 20.0;
 /// Gain of the closing drive: large, so that only the force limit keeps a finger from its speed.
 const DRIVE_GAIN: f32 = 1e5;
 
-/// A hand in a world.
+/// A gripper in a world.
 pub(crate) struct GripperBodies {
     palm: RigidBodyHandle,
     /// Of the left and the right finger, and of the palm.
@@ -43,7 +43,7 @@ struct Finger {
 }
 
 impl GripperBodies {
-    /// Puts the hand at the world's origin, its fingers closed by `closed_m` each, and closing if that is above 0.
+    /// Puts the gripper at the world's origin, its fingers closed by `closed_m` each, and closing if that is above 0.
     fn insert(world: &mut PhysicsWorld, gripper: &Gripper, closed_m: f32) -> Self {
         let palm = world.bodies.insert(RigidBodyBuilder::kinematic_position_based());
         let boxed = |b: GripperBox| {
@@ -81,11 +81,11 @@ impl GripperBodies {
     }
 }
 
-/// The hand and its objects in rapier.
+/// The gripper and its objects in rapier.
 pub(crate) type RapierAttempt = InRapier<GripperBodies>;
 
 impl RapierAttempt {
-    /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose
+    /// The `things` at rest on a table at `table_z_m`, and a gripper at `workspace_from_grasp` whose
     /// fingers have closed by `closed_m` each. Objects are asleep until touched, unless `all_awake`.
     pub(crate) fn new(
         physics: &Physics,
@@ -105,8 +105,8 @@ impl RapierAttempt {
             add_object(&mut world, engine_body, pose, all_awake)
         };
         let bodies = things.bodies.iter().map(add).collect();
-        let hand = GripperBodies::insert(&mut world, gripper, closed_m);
-        Self { world, bodies, fixtures, beside: hand }
+        let beside = GripperBodies::insert(&mut world, gripper, closed_m);
+        Self { world, bodies, fixtures, beside }
     }
 
     fn collider(&self, object_id: usize) -> ColliderHandle {
@@ -117,7 +117,7 @@ impl RapierAttempt {
         if let Some(id) = (0..self.bodies.len()).find(|id| self.collider(*id) == collider) {
             return ContactBody::Object(id);
         }
-        match self.beside.colliders.iter().position(|of_hand| *of_hand == collider) {
+        match self.beside.colliders.iter().position(|of_gripper| *of_gripper == collider) {
             Some(part) => [ContactBody::LeftFinger, ContactBody::RightFinger, ContactBody::Palm][part],
             None if self.fixtures.contains(&collider) => ContactBody::Container,
             None => ContactBody::Table,
@@ -139,7 +139,7 @@ impl AttemptEngine for RapierAttempt {
         for (finger, side) in self.beside.fingers.iter().zip([0.5, -0.5]) {
             let target = middle + side * asymmetry_at_contact_m + preload;
             let joint = self.world.impulse_joints.get_mut(finger.joint, true);
-            let joint = joint.expect("the hand's joints stay in its world");
+            let joint = joint.expect("the gripper's joints stay in its world");
             joint
                 .data
                 .set_motor_model(JointAxis::LinX, MotorModel::ForceBased)
@@ -176,10 +176,10 @@ impl AttemptEngine for RapierAttempt {
     }
 
     fn is_touched_by_others(&self, object_id: usize) -> bool {
-        let hand = self.beside.colliders;
-        let is_of_hand = |pair: &ContactPair| hand.contains(&pair.collider1) || hand.contains(&pair.collider2);
+        let own = self.beside.colliders;
+        let is_of_gripper = |pair: &ContactPair| own.contains(&pair.collider1) || own.contains(&pair.collider2);
         let mut pairs = self.world.contact_pairs_with(self.collider(object_id));
-        pairs.any(|pair| !is_of_hand(pair) && pair.total_impulse_magnitude() > 0.0)
+        pairs.any(|pair| !is_of_gripper(pair) && pair.total_impulse_magnitude() > 0.0)
     }
 
     fn contacts(&self) -> Vec<Contact> {

@@ -1,4 +1,4 @@
-//! The physics: objects that fall and stack, a hand that grasps them, and a depth camera that observes them.
+//! The physics: objects that fall and stack, a gripper that grasps them, and a depth camera that observes them.
 //!
 //! Two engines are behind it: our own stepper, which datasets use, and rapier, the reference; no other crate uses
 //! rapier. The interface is in the workspace frame: z up, metres, kilograms, seconds, explicit gravity. Most callers
@@ -15,7 +15,7 @@
 //! Every result is a pure function of its arguments. A world is always rebuilt from poses, and nothing runs in parallel
 //! inside a world.
 //!
-//! Two blocks fall on each other, and a hand from above lifts the upper one:
+//! Two blocks fall on each other, and a gripper from above lifts the upper one:
 //!
 //! ```
 //! use schema::{Gripper, Grid, Outcome, Physics, Pose, Procedure, SettleParams, ShapeKind, Solid, Vec3, axis_angle};

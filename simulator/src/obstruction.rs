@@ -1,4 +1,4 @@
-//! Where a blocked hand first touches the obstacle. The gate itself only tests whether it does.
+//! Where a blocked gripper first touches the obstacle. The gate itself only tests whether it does.
 
 use schema::{GripperBox, HitKind, Outcome, Pose, Vec3};
 
@@ -11,14 +11,14 @@ const HALVINGS: usize = 20;
 /// Rounds of projection onto the faces of box and part.
 const ROUNDS: usize = 200;
 
-/// What blocks a hand, and where.
+/// What blocks a gripper, and where.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Obstruction {
     /// The outcome, as [`AttemptWorld::execute`] gives it.
     pub outcome: Outcome,
     /// The obstacle, as [`AttemptWorld::execute`] gives it.
     pub hit: Hit,
-    /// Distance in metres from the pre-grasp at which the hand comes within its clearance of the obstacle.
+    /// Distance in metres from the pre-grasp at which the gripper comes within its clearance of the obstacle.
     pub travel_m: f32,
     /// Which box of [`schema::Gripper::open_gripper`] touches first.
     pub part: usize,
@@ -27,7 +27,7 @@ pub struct Obstruction {
 }
 
 impl AttemptWorld<'_> {
-    /// What blocks the hand on its way to a grasp of object `target`; `None` if nothing does.
+    /// What blocks the gripper on its way to a grasp of object `target`; `None` if nothing does.
     ///
     /// # Panics
     /// If the scene has no object `target`.

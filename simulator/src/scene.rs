@@ -66,7 +66,7 @@ impl Scene {
         object.body.distance_outside_m(object.workspace_from_object.inverse_transform_point(point_m))
     }
 
-    /// The object whose surface is nearest to a point of the workspace, or that contains it: the target of a hand with
+    /// The object whose surface is nearest to a point of the workspace, or that contains it: the target of a grasp with
     /// its tips there. `None` without objects.
     #[must_use]
     pub fn nearest(&self, point_m: Vec3) -> Option<usize> {

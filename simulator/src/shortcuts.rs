@@ -11,11 +11,11 @@ use crate::watch::{AttemptEvent, Watcher};
 
 /// Fingers are simulated from this far before they touch something.
 const NEAR_M: f32 = 0.0005;
-/// An object rides along if it moves no faster than this against the hand, in m/s and rad/s, for [`STEADY_TIME_S`];
+/// An object rides along if it moves no faster than this against the gripper, in m/s and rad/s, for [`STEADY_TIME_S`];
 /// others rest if they move no faster than this.
 const STEADY: [f32; 2] = [0.001, 0.05];
 const STEADY_TIME_S: f32 = 0.025;
-/// Nothing may lie this near the way that hand and target have still to go.
+/// Nothing may lie this near the way that gripper and target have still to go.
 const WAY_CLEAR_M: f32 = 0.001;
 
 impl AttemptWorld<'_> {
@@ -47,7 +47,7 @@ impl AttemptWorld<'_> {
         empty.map_or(Ok(steps), Err)
     }
 
-    /// For how many steps the open hand closes among objects at rest and fixtures before it comes near one; or until
+    /// For how many steps the open gripper closes among objects at rest and fixtures before it comes near one; or until
     /// the jaws meet, if nothing lies between them, and the opening then.
     fn free_closing(&self, workspace_from_grasp: &Pose) -> (usize, Option<f32>) {
         let (gripper, step_m) = (self.gripper, self.closing_step_m());
@@ -93,9 +93,9 @@ impl LiftWatch {
     }
 
     /// Whether the target is held for good: it rides along between the fingers and touches nothing else, everything
-    /// else is at rest, and nothing lies on the `rest_m` that hand and target have still to go.
+    /// else is at rest, and nothing lies on the `rest_m` that gripper and target have still to go.
     ///
-    /// A hand that slows down asks for less than it does in the end; so the target must have ridden along while it
+    /// A gripper that slows down asks for less than it does in the end; so the target must have ridden along while it
     /// did not (`is_slowing`).
     pub(crate) fn is_decided(&mut self, run: &Run<'_>, velocity_m_s: Vec3, rest_m: Vec3, is_slowing: bool) -> bool {
         self.steady_steps = if run.rides_along(velocity_m_s) { self.steady_steps + 1 } else { 0 };
@@ -128,8 +128,8 @@ impl Run<'_> {
         let Some(direction) = rest_m.try_normalize() else { return true };
         let placed = |id: usize| self.setup.gate.placed_at(Some(id), &self.engine.pose(id));
         let mut movers = placed(self.target);
-        let hand = self.setup.gripper.open_gripper().into_iter().zip(self.engine.gripper_moved_m());
-        movers.extend(hand.map(|(gripper_box, moved_m)| PlacedPart::from_box(&gripper_box, moved_m)));
+        let boxes = self.setup.gripper.open_gripper().into_iter().zip(self.engine.gripper_moved_m());
+        movers.extend(boxes.map(|(gripper_box, moved_m)| PlacedPart::from_box(&gripper_box, moved_m)));
         let fixtures = self.setup.gate.placed_at(None, &self.workspace_from_grasp.inverse());
         self.others().flat_map(placed).chain(fixtures).all(|other| {
             movers.iter().all(|mover| {

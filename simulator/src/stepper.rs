@@ -1,9 +1,10 @@
-//! A stepper made for grasp attempts and for piles: a table, a hand, walls, fixtures, and a few bodies of convex parts.
+//! A stepper made for grasp attempts and for piles: a table, a gripper, walls, fixtures, and a few bodies of convex
+//! parts.
 //!
 //! The method is rapier's: substeps with warm-started, soft contacts and Coulomb cones, each solved once with and twice
 //! without the push against overlap (with one such pass, what is pressed from both sides trembles: the fingers take 97
 //! steps to stop and lift instead of 60). What makes it fast is what an attempt is: few bodies of which most never
-//! move, a hand that does not turn (so that its boxes stay parallel to the axes), and fingers with one direction of
+//! move, a gripper that does not turn (so that its boxes stay parallel to the axes), and fingers with one direction of
 //! freedom, which need no joints. Bodies sleep until something comes within [`patch::PREDICTION_M`] of them.
 //!
 //! All arithmetic is in single precision, four lanes wide on every machine, with nothing fused: the same bits anywhere.
@@ -32,7 +33,7 @@ pub(crate) use shape::{Things, Wide3, span, wide};
 
 /// rapier's damping ratio of contact springs.
 const CONTACT_DAMPING_RATIO: f32 = 10.0;
-/// What a contact's `first` is for the table; then come the hand's boxes, then the four walls, then the fixtures.
+/// What a contact's `first` is for the table; then come the gripper's boxes, then the four walls, then the fixtures.
 const TABLE: usize = 0;
 const WALLS: usize = 4;
 const FIXTURES: usize = 8;
@@ -165,7 +166,7 @@ fn axes_of(rotation: Quat) -> [Vec3; 3] {
 }
 
 impl<'a> Stepper<'a> {
-    /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp`. Things are asleep until
+    /// The `things` at rest on a table at `table_z_m`, and a gripper at `workspace_from_grasp`. Things are asleep until
     /// touched, unless `all_awake`.
     pub(crate) fn new(
         physics: &Physics,
@@ -233,7 +234,7 @@ impl<'a> Stepper<'a> {
         most.map(|(points_m, _)| points_m.iter().sum::<Vec3>() / points_m.len() as f32)
     }
 
-    /// A body's own mass as a share of its inertia, which is 1 but for light ones in a strong hand.
+    /// A body's own mass as a share of its inertia, which is 1 but for light ones in a strong gripper.
     pub(crate) fn weight_share(&self, id: usize) -> f32 {
         self.bodies[id].weight_share
     }
@@ -248,7 +249,7 @@ impl<'a> Stepper<'a> {
         self.doubles.begin_step();
         self.queue.clear();
         for id in 0..self.bodies.len() {
-            if self.bodies[id].is_awake || self.is_near_hand(id) {
+            if self.bodies[id].is_awake || self.is_near_gripper(id) {
                 self.bodies[id].is_awake = true;
                 self.queue.push(id);
             }
@@ -269,13 +270,13 @@ impl<'a> Stepper<'a> {
         for which in [2, 0, 1] {
             for id in 0..self.bodies.len() {
                 if self.bodies[id].is_awake {
-                    self.touch_hand(which, id);
+                    self.touch_gripper(which, id);
                 }
             }
         }
     }
 
-    fn is_near_hand(&mut self, id: usize) -> bool {
+    fn is_near_gripper(&mut self, id: usize) -> bool {
         let (body, thing) = (&self.bodies[id], &self.things[id]);
         (0..3).any(|which| {
             let (centre_m, half_m) = self.jaws.box_at(which);
@@ -320,7 +321,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    fn touch_hand(&mut self, which: usize, id: usize) {
+    fn touch_gripper(&mut self, which: usize, id: usize) {
         let (body, thing) = (&self.bodies[id], &self.things[id]);
         let (centre_m, half_m) = self.jaws.box_at(which);
         if !patch::ball_near_box(body.answer.centre_m, thing.radius_m, centre_m, half_m) {

@@ -23,9 +23,9 @@ pub trait Watcher {
 pub enum Phase {
     /// The fingers close.
     Close,
-    /// The hand moves away with the target.
+    /// The gripper moves away with the target.
     Retreat,
-    /// The hand rests and holds.
+    /// The gripper rests and holds.
     Hold,
     /// A floating object is pulled or shaken.
     Bear,
@@ -70,9 +70,10 @@ pub enum AttemptEvent {
     },
     /// The closing fingers came too near the table.
     NearTable,
-    /// The closing or retreating hand came too near a fixture.
+    /// The closing or retreating gripper came too near a fixture.
     NearContainer,
-    /// The target moves with the hand, everything else rests, and the way is free, so the shortcut ends the lift here.
+    /// The target moves with the gripper, everything else rests, and the way is free, so the shortcut ends the lift
+    /// here.
     RidesAlong {
         /// Remaining distance, in metres.
         rest_m: f32,
@@ -82,7 +83,7 @@ pub enum AttemptEvent {
         /// Opening in metres.
         width_m: f32,
     },
-    /// At the end of the hold the target has not moved far enough with the hand.
+    /// At the end of the hold the target has not moved far enough with the gripper.
     LeftBehind {
         /// Distance that it moved, in metres.
         travel_m: f32,
@@ -111,7 +112,7 @@ pub enum AttemptEvent {
 pub struct Moment<'r> {
     /// The phase of the attempt.
     pub phase: Phase,
-    /// Steps since the open hand was at the grasp, including skipped steps.
+    /// Steps since the open gripper was at the grasp, including skipped steps.
     pub steps: usize,
     pub(crate) engine: &'r dyn AttemptEngine,
     pub(crate) object_count: usize,
@@ -125,14 +126,14 @@ impl Moment<'_> {
         (0..self.object_count).map(|id| self.workspace_from_grasp * self.engine.pose(id)).collect()
     }
 
-    /// Workspace poses of the boxes of [`schema::Gripper::open_gripper`]: each maps the open hand's frame to where that
-    /// box is now.
+    /// Workspace poses of the boxes of [`schema::Gripper::open_gripper`]: each maps the open gripper's frame to where
+    /// that box is now.
     #[must_use]
     pub fn gripper(&self) -> [Pose; 3] {
         self.engine.gripper_moved_m().map(|moved_m| self.workspace_from_grasp * Pose::from_translation(moved_m))
     }
 
-    /// All contacts on the hand or on an object.
+    /// All contacts on the gripper or on an object.
     #[must_use]
     pub fn contacts(&self) -> Vec<Contact> {
         let in_workspace = |contact: Contact| {

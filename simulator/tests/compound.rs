@@ -151,7 +151,7 @@ fn what_is_cut_or_wrapped_looks_the_same() {
 }
 
 #[test]
-fn what_is_cut_or_wrapped_is_touched_by_the_same_hands() {
+fn what_is_cut_or_wrapped_is_touched_at_the_same_grasps() {
     let gripper = gripper();
     let pose = Pose::from_parts(Vec3::new(0.15, 0.15, 0.12), axis_angle(Vec3::ONE.normalize(), 0.7));
     let gates = alike().map(|body| Gate::new(&scene_of(object(body, 0.1, pose)), &gripper, &Procedure::PAPER));

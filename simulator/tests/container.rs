@@ -1,4 +1,4 @@
-//! Bins and shelves: objects stay in them, hands and rays meet them, and both engines agree.
+//! Bins and shelves: objects stay in them, grippers and rays meet them, and both engines agree.
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -36,7 +36,7 @@ fn scene(container: Container, objects: Vec<SceneObject>) -> Scene {
     Scene { table_z_m: GRID.table_z_m, fixtures: container.parts(&GRID), objects }
 }
 
-/// A hand from above with its tips at a point, closing along y when `yaw_rad` is 0.
+/// A grasp from above with its tips at a point, closing along y when `yaw_rad` is 0.
 fn from_above(tips_m: [f32; 3], yaw_rad: f32) -> Pose {
     Pose::from_parts(Vec3::from_array(tips_m), axis_angle(Vec3::Z, yaw_rad) * axis_angle(Vec3::X, PI))
 }
@@ -171,7 +171,7 @@ fn what_lies_in_a_shelf_is_below_its_board() {
 }
 
 #[test]
-fn a_hand_in_a_wall_collides_with_the_container() {
+fn a_gripper_in_a_wall_collides_with_the_container() {
     // A low cube beside the wall at +y, whose inner face is at 0.25.
     let cube = block([0.04, 0.04, 0.04], [0.15, 0.225, 0.07]);
     let scene = scene(BIN, vec![cube]);
@@ -183,12 +183,12 @@ fn a_hand_in_a_wall_collides_with_the_container() {
     let found = world.obstruction(&across, 0).unwrap();
     assert_eq!(found.hit.kind, HitKind::Container);
     assert!((found.point_m.z - 0.13).abs() < 0.01 && (found.point_m.y - 0.252).abs() < 0.01, "{found:?}");
-    // From the front through the wall, where the hand stands already at the pre-grasp.
+    // From the front through the wall, where the gripper stands already at the pre-grasp.
     let front = self::scene(BIN, vec![block([0.04, 0.04, 0.04], [0.15, 0.1, 0.07])]);
     let forward = axis_angle(Vec3::ONE.normalize(), -2.0 * PI / 3.0);
     let sideways = Pose::from_parts(Vec3::new(0.15, 0.1, 0.072), forward);
     assert_eq!(ended(&front, &sideways), (Outcome::PregraspCollision, Some(HitKind::Container)));
-    // Along the wall the hand fits, and the cube is lifted beside it.
+    // Along the wall the gripper fits, and the cube is lifted beside it.
     let along = from_above([0.15, 0.225, 0.065], FRAC_PI_2);
     assert_eq!(ended(&scene, &along), (Outcome::Held, None));
     // An object in the way comes first, the table last.
@@ -220,17 +220,17 @@ fn fingers_do_not_close_through_a_wall() {
     }
 }
 
-/// Lifted straight up, a hand that came from the front would meet the board of a low shelf: it goes back and a little
-/// up.
+/// Lifted straight up, a gripper that came from the front would meet the board of a low shelf: it goes back and a
+/// little up.
 #[test]
-fn a_hand_is_not_lifted_through_a_board() {
+fn a_gripper_is_not_lifted_through_a_board() {
     let cube = || vec![block([0.04, 0.04, 0.04], [0.15, 0.14, 0.07])];
     let forward = axis_angle(Vec3::ONE.normalize(), -2.0 * PI / 3.0);
     let grasp = Pose::from_parts(Vec3::new(0.15, 0.15, 0.072), forward);
     assert_eq!(ended(&scene(SHELF, cube()), &grasp), (Outcome::Held, None));
     let low = |height_m: f32| scene(Container { height_m, ..SHELF }, cube());
     assert_eq!(ended(&low(0.09), &grasp), (Outcome::Held, None));
-    // Here even a little is too much, for the hand or for the cube.
+    // Here even a little is too much, for the gripper or for the cube.
     assert!(executed(&low(0.044), &grasp).iter().all(|it| it.outcome != Outcome::Held));
 }
 
@@ -259,7 +259,7 @@ fn the_depth_of_a_wall_is_that_of_its_plane() {
     assert!((rim.depth_at([rim_px as usize, 24]).unwrap() - 0.47).abs() < 1e-4);
 }
 
-/// Random hands from above in piles in bins, by both engines.
+/// Random grasps from above in piles in bins, by both engines.
 #[test]
 fn engines_agree_about_attempts_in_bins() {
     let gripper = gripper();

@@ -62,7 +62,7 @@ fn leave_by(physics: &Physics, scene: &Scene, grasp: &Pose) -> (Outcome, Vec<Pos
 }
 
 #[test]
-fn a_hand_that_the_gate_stops_leaves_the_scene_as_it_was() {
+fn a_gripper_that_the_gate_stops_leaves_the_scene_as_it_was() {
     let scene = scene(1.0);
     let (outcome, poses) = leave(&Physics::FAITHFUL, &scene, &grasp(0.0, 0.045));
     assert_eq!(outcome, Outcome::ApproachCollision);
@@ -70,9 +70,9 @@ fn a_hand_that_the_gate_stops_leaves_the_scene_as_it_was() {
     assert_eq!(poses, before);
 }
 
-/// The table is touched at the clearance, 1 mm; a hand that leans comes as far along its own way.
+/// The table is touched at the clearance, 1 mm; a gripper that leans comes as far along its own way.
 #[test]
-fn a_hand_that_halts_at_the_first_touch_closes_there() {
+fn a_gripper_that_halts_at_the_first_touch_closes_there() {
     let (scene, gripper) = (scene(1.0), gripper());
     let world = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &Procedure::PAPER, &scene);
     let halted = world.halted(&grasp(0.0, 0.045)).unwrap();
@@ -89,7 +89,7 @@ fn a_hand_that_halts_at_the_first_touch_closes_there() {
 }
 
 #[test]
-fn what_is_held_hangs_where_the_hand_went_and_the_rest_stands_where_it_stood() {
+fn what_is_held_hangs_where_the_gripper_went_and_the_rest_stands_where_it_stood() {
     let scene = scene(1.0);
     for physics in [Physics::FAITHFUL, Physics::STANDARD] {
         for lean_rad in [0.0, 0.2] {

@@ -1,4 +1,5 @@
-//! What a hand holds by statics it holds at any mass: a light object that floats is not thrown out of a strong hand.
+//! What a gripper holds by statics it holds at any mass: a light object that floats is not thrown out of a strong
+//! gripper.
 //!
 //! Closed form: two plates with friction μ that press with F hold 2 μ F, thousands of times the weight of a few grams.
 
@@ -9,8 +10,8 @@ use simulator::{Body, FloatingWorld, Hold, Load, Part, PartShape, Shake};
 
 const PI: f32 = core::f32::consts::PI;
 
-/// The built-in Panda's hand, closing with another force.
-fn hand(finger_force_n: f32) -> Gripper {
+/// The built-in Franka Hand, closing with another force.
+fn franka_hand(finger_force_n: f32) -> Gripper {
     let gripper = Gripper::from_toml(include_str!("../../configs/grippers/franka_hand.toml")).unwrap();
     Gripper { finger_force_n, ..gripper }
 }
@@ -80,7 +81,7 @@ const FORCES_N: [f32; 4] = [2.0, 10.0, 30.0, 60.0];
 fn what_friction_does_not_bear_is_lost_at_any_mass() {
     let (procedure, cube) = (Procedure::PAPER, solid(ShapeKind::Cuboid, [0.03; 3]));
     for finger_force_n in FORCES_N {
-        let gripper = hand(finger_force_n);
+        let gripper = franka_hand(finger_force_n);
         for mass_kg in MASSES_KG {
             for (share, is_held) in [(0.6, false), (1.6, true)] {
                 let friction = share * mass_kg * 9.81 / (2.0 * finger_force_n * gripper.friction);
@@ -98,7 +99,7 @@ fn what_friction_does_not_bear_is_lost_at_any_mass() {
 fn assert_held(name: &str, body: &Body, width_m: f32, grasps: &[Pose]) {
     let mut lost = Vec::new();
     for finger_force_n in FORCES_N {
-        let gripper = hand(finger_force_n);
+        let gripper = franka_hand(finger_force_n);
         for mass_kg in MASSES_KG {
             for (number, grasp) in grasps.iter().enumerate() {
                 // By statics: a grip beside the centre of mass may turn, but 2 N bear a moment of 0.2 kg at 5 mm.
@@ -112,7 +113,7 @@ fn assert_held(name: &str, body: &Body, width_m: f32, grasps: &[Pose]) {
     assert!(lost.is_empty(), "{} lost\n{}", lost.len(), lost.join("\n"));
 }
 
-/// Hands whose tips are `beyond_m` beyond the origin, beside it along x.
+/// Grasps whose tips are `beyond_m` beyond the origin, beside it along x.
 fn beside(beyond_m: f32, along_x_m: &[f32]) -> Vec<Pose> {
     along_x_m.iter().map(|x_m| Pose::from_translation(Vec3::new(*x_m, 0.0, beyond_m))).collect()
 }

@@ -1,4 +1,4 @@
-//! The physics must hold objects: expectations for a hand, a block and a table.
+//! The physics must hold objects: expectations for a gripper, a block and a table.
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -71,7 +71,7 @@ fn every_shape_is_held_by_a_good_grasp() {
     for (kind, extents, tip_z) in [
         (ShapeKind::Cuboid, [0.05, 0.03, 0.05], 0.07),
         (ShapeKind::Cylinder, [0.04, 0.04, 0.06], 0.08),
-        // The prism's ends are flat and upright only across x: turn the hand by closing along the extrusion.
+        // The prism's ends are flat and upright only across x: turn the gripper by closing along the extrusion.
         (ShapeKind::HalfCylinder, [0.05, 0.06, 0.03], 0.06),
         (ShapeKind::TriPrism, [0.05, 0.06, 0.05], 0.07),
     ] {
@@ -123,7 +123,7 @@ fn a_block_wider_than_the_opening_collides() {
 }
 
 #[test]
-fn a_hand_in_the_table_collides_and_a_hand_beside_the_object_closes_on_nothing() {
+fn a_gripper_in_the_table_collides_and_a_gripper_beside_the_object_closes_on_nothing() {
     let block = || object(ShapeKind::Cuboid, [0.04, 0.04, 0.05], 0.2, 1.0);
     let flat = object(ShapeKind::Cuboid, [0.04, 0.04, 0.03], 0.2, 1.0);
     let end = attempt(flat, from_above(0.045), &Procedure::PAPER);
@@ -203,7 +203,7 @@ fn what_lies_ahead_of_the_lift_is_not_skipped() {
     let block = resting([0.04, 0.04, 0.04], 0.1, [0.15, 0.15, 0.07]);
     let posts = [0.05, 0.25].map(|x| resting([0.03, 0.03, 0.10], 0.2, [x, 0.15, 0.10]));
     let plank = |z_m: f32| resting([0.24, 0.03, 0.01], 0.1, [0.15, 0.15, z_m]);
-    // Forward along y, closing along x, the hand's x upwards.
+    // Forward along y, closing along x, the gripper's x upwards.
     let sideways = axis_angle(Vec3::ONE.normalize(), -2.0 * PI / 3.0);
     let grasp = Pose::from_parts(Vec3::new(0.15, 0.16, 0.072), sideways);
     let [left, right] = posts;

@@ -120,7 +120,7 @@ fn contacts_are_where_the_fingers_are_and_as_strong() {
         let (_, notes) = watched(&Physics { engine, ..Physics::FAITHFUL }, &scene(0.1, 1.0), &grasp(0.11, 0.075));
         let (contacts, target, width_m) = notes.decided.unwrap();
         let inverse = target.inverse();
-        // The hand is upside down: its left finger, at −y of the grasp, is at +y of the workspace.
+        // The gripper is upside down: its left finger, at −y of the grasp, is at +y of the workspace.
         for (finger, side) in [(ContactBody::LeftFinger, 1.0), (ContactBody::RightFinger, -1.0)] {
             let of = contacts.iter().find(|contact| contact.between.contains(&finger)).unwrap();
             assert!(of.between.contains(&ContactBody::Object(0)), "{of:?}");
@@ -159,7 +159,7 @@ fn every_way_to_lose_is_told() {
 }
 
 #[test]
-fn an_obstruction_is_where_the_hand_first_comes_too_near() {
+fn an_obstruction_is_where_the_gripper_first_comes_too_near() {
     let gripper = gripper();
     let scene = scene(0.1, 1.0);
     let world = AttemptWorld::new(&Physics::STANDARD, &gripper, &Procedure::PAPER, &scene);
@@ -178,7 +178,7 @@ fn an_obstruction_is_where_the_hand_first_comes_too_near() {
     let executed = world.execute(&off, 0);
     assert_eq!((found.outcome, Some(found.hit)), (executed.outcome, executed.hit));
     assert_eq!(found.hit.object_id, Some(0));
-    assert_eq!(found.part, 1, "the right finger, at +y of a hand that is upside down, is at −y");
+    assert_eq!(found.part, 1, "the right finger, at +y of a gripper that is upside down, is at −y");
     let expected_m = 0.05 - (0.1 - 0.08) - gripper.clearance_m;
     assert!((found.travel_m - expected_m).abs() < 1e-5, "{} m, {expected_m} m", found.travel_m);
     let (point, half) = (found.point_m - Vec3::new(0.11, 0.19, 0.075), Vec3::new(0.02, 0.02, 0.025));

@@ -86,7 +86,7 @@ pub(super) struct Contact<const T: usize> {
     mass_tangents: [f32x4; 4],
 }
 
-/// A contact with the table or the hand.
+/// A contact with the table or the gripper.
 pub(super) type Single = Contact<1>;
 /// A contact of two bodies.
 pub(super) type Double = Contact<2>;

@@ -9,10 +9,10 @@ use crate::gripper::{GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M};
 /// How far beyond its widest opening a finger gives way.
 const STOP_M: f32 = 0.001;
 
-/// A hand's palm and fingers.
+/// A gripper's palm and fingers.
 #[derive(Clone, Default)]
 pub(crate) struct Jaws {
-    /// As when the hand is open and at the origin.
+    /// As when the gripper is open and at the origin.
     boxes: [GripperBox; 3],
     /// How far each finger can close.
     closed_m_max: [f32; 2],
@@ -46,7 +46,7 @@ struct Finger {
 }
 
 impl Jaws {
-    /// A hand at the origin, its fingers closed by `closed_m` each, and closing if that is above 0; they end at
+    /// A gripper at the origin, its fingers closed by `closed_m` each, and closing if that is above 0; they end at
     /// `closed_m_max`.
     pub(crate) fn new(gripper: &Gripper, closed_m: f32, closed_m_max: [f32; 2]) -> Self {
         let [left, right] = gripper.fingers(gripper.opening_m_max);
@@ -71,7 +71,7 @@ impl Jaws {
         }
     }
 
-    /// No hand: one without size, far from everything.
+    /// No gripper: one without size, far from everything.
     pub(super) fn absent() -> Self {
         let point = GripperBox { centre_m: Vec3::splat(1e6), half_m: Vec3::ZERO };
         let finger = Finger { inward: 1.0, y_m: 1e6, ..Finger::default() };
@@ -84,7 +84,7 @@ impl Jaws {
         })
     }
 
-    /// By how much each box has moved from where it is when the hand is open and at the origin.
+    /// By how much each box has moved from where it is when the gripper is open and at the origin.
     pub(super) fn moved_m(&self) -> [Vec3; 3] {
         let [left, right] = core::array::from_fn(|i| {
             Vec3::new(self.palm_m.x, self.fingers[i].y_m - self.boxes[i].centre_m.y, self.palm_m.z)
@@ -122,7 +122,7 @@ impl Jaws {
         }
     }
 
-    /// Whether from now on no finger closes faster than the hand closes, also where it presses: what slips out from
+    /// Whether from now on no finger closes faster than the gripper closes, also where it presses: what slips out from
     /// between fingers that close may be thinner than their way in a step.
     pub(crate) fn keep_pace(&mut self, keeps: bool) {
         self.fastest_m_s = if keeps { self.closing_speed_m_s } else { f32::INFINITY };
@@ -187,7 +187,7 @@ impl Jaws {
     }
 
     /// Contacts have the last word on velocities, but no finger opens further than its stop: what is jammed between it
-    /// and a wall would push it out of the hand.
+    /// and a wall would push it out of the gripper.
     pub(super) fn advance(&mut self, substep_s: f32) {
         for finger in &mut self.fingers {
             let closing_m_s = (finger.velocity_m_s - self.palm_velocity_m_s.y) * finger.inward;
@@ -211,7 +211,7 @@ impl Jaws {
 mod tests {
     use super::*;
 
-    /// However hard contacts push, in whatever direction the hand moves.
+    /// However hard contacts push, in whatever direction the gripper moves.
     #[test]
     fn no_finger_opens_further_than_its_stop() {
         let gripper = Gripper::from_toml(include_str!("../../../configs/grippers/parallel_jaw_80.toml")).unwrap();

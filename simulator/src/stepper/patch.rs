@@ -1,4 +1,4 @@
-//! Where a convex part touches the table, a box of the hand, or another part: up to four points.
+//! Where a convex part touches the table, a box of the gripper, or another part: up to four points.
 //!
 //! A hull touches a plane with all corners near it, four to a contact: corners of several of its faces bear, and one
 //! that is not among the points sinks in, is pushed out, and the object trembles.
@@ -234,7 +234,7 @@ pub(super) fn on_box(
     gripper_box.patch(&Best { gap_m, face, normal: -out }, Some(on_m), frame, part, scratch)
 }
 
-/// A box of the hand in a part's frame.
+/// A box of the gripper in a part's frame.
 struct TurnedBox {
     centre_m: Vec3,
     half_m: Vec3,

@@ -32,11 +32,11 @@ fn alone(moving: Vec<Thing>) -> Things {
     Things { moving, fixtures: Vec::new() }
 }
 
-/// Things on the table, each with a velocity and an angular velocity, and a hand far above them. The axes are the
+/// Things on the table, each with a velocity and an angular velocity, and a gripper far above them. The axes are the
 /// workspace's.
 fn stepper<'a>(physics: &Physics, things: &'a Things, motions: &[[Vec3; 2]]) -> Stepper<'a> {
-    let hand_at = Pose::from_translation(Vec3::new(0.0, 0.0, 10.0));
-    let mut stepper = Stepper::new(physics, Jaws::new(&gripper(), 0.0, [0.04; 2]), things, TABLE_Z_M, &hand_at, true);
+    let above = Pose::from_translation(Vec3::new(0.0, 0.0, 10.0));
+    let mut stepper = Stepper::new(physics, Jaws::new(&gripper(), 0.0, [0.04; 2]), things, TABLE_Z_M, &above, true);
     for (body, [velocity_m_s, spin_rad_s]) in stepper.bodies.iter_mut().zip(motions) {
         (body.velocity_m_s, body.spin_rad_s) = (*velocity_m_s, *spin_rad_s);
     }
