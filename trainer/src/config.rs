@@ -91,7 +91,7 @@ settings! {
     /// What belongs to the voxel network besides its parameters.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct VoxelNetwork {
-        /// What a network of voxels answers: the paper's orientation, or a hand by closing direction.
+        /// What a network of voxels answers: the paper's orientation, or a grasp by closing direction.
         #[serde(skip_serializing_if = "is_quaternion")]
         pub head: Head; or Head::Quaternion,
         /// How the decoder of the paper's network doubles its grids.

@@ -75,8 +75,8 @@ pub struct Evaluation {
     /// By rule of Appendix A: shape and approach axis.
     pub by_rule: BTreeMap<&'static str, Summary>,
     /// What only a judge is asked.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub hands: Option<JudgeScores>,
+    #[serde(rename = "hands", skip_serializing_if = "Option::is_none")]
+    pub grippers: Option<JudgeScores>,
 }
 
 /// Evaluates a checkpoint on a set of a dataset.
@@ -92,9 +92,9 @@ pub fn evaluate(path: &Path, data: impl Into<Location>, set: TestSet) -> Result<
             evaluated(Voxel::new(*params, Device::Host), &checkpoint, &dataset, set, trained_on, path)
         }
         Architecture::Judge(scope) => {
-            let hands = dataset.info().grippers();
-            hands.iter().try_for_each(|hand| scope.must_match(hand, &dataset.info().grid))?;
-            evaluated(Judge::new(scope, hands.iter()), &checkpoint, &dataset, set, trained_on, path)
+            let grippers = dataset.info().grippers();
+            grippers.iter().try_for_each(|gripper| scope.must_match(gripper, &dataset.info().grid))?;
+            evaluated(Judge::new(scope, grippers.iter()), &checkpoint, &dataset, set, trained_on, path)
         }
     }
 }
@@ -122,7 +122,7 @@ fn evaluated<M: Method>(
         |key: fn(&Rule) -> &'static str| summaries(found.iter().map(|(sample, result)| (key(&sample.id.rule), result)));
     let mut all = Tally::default();
     found.iter().for_each(|(_, result)| all.add(slice::from_ref(result)));
-    let ([errors, errors_of_sure], hands) = M::own_scores(&found, dataset.info().grid.voxel_size_m());
+    let ([errors, errors_of_sure], grippers) = M::own_scores(&found, dataset.info().grid.voxel_size_m());
     Ok(Evaluation {
         epoch: checkpoint.progress.epoch,
         step: checkpoint.progress.step,
@@ -138,7 +138,7 @@ fn evaluated<M: Method>(
         errors_of_sure,
         by_shape: by(|rule| rule.shape.kind_name()),
         by_rule: by(|rule| rule.name()),
-        hands,
+        grippers,
     })
 }
 

@@ -81,7 +81,7 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
         }
         config::Method::Judge => {
             let scope = state.architecture.scope("the recipe")?;
-            train(Judge::new(scope, hands_of(&datasets)), state, job, &datasets, &folder, stop, observe)
+            train(Judge::new(scope, grippers_of(&datasets)), state, job, &datasets, &folder, stop, observe)
         }
     }
 }
@@ -181,7 +181,7 @@ fn first_vector(architecture: &Architecture, config: &Config, from: Option<&Chec
     }
 }
 
-/// Whether training may begin with another network's weights: a judge may come from other hands, a network of voxels
+/// Whether training may begin with another network's weights: a judge may come from other grippers, a network of voxels
 /// from one with another head.
 fn can_begin_with(from: &Architecture, own: &Architecture) -> bool {
     match (from, own) {
@@ -193,13 +193,13 @@ fn can_begin_with(from: &Architecture, own: &Architecture) -> bool {
 
 /// The network that a recipe asks for.
 pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Device) -> Result<Architecture, Failure> {
-    let hands: Vec<Gripper> = hands_of(datasets).cloned().collect();
+    let grippers: Vec<Gripper> = grippers_of(datasets).cloned().collect();
     let info = datasets[0].info();
     let robustness = datasets.iter().any(|dataset| dataset.info().repeats_some());
-    let scope = Scope::of(&hands, info.procedure.pregrasp_distance_m, info.grid, robustness);
+    let scope = Scope::of(&grippers, info.procedure.pregrasp_distance_m, info.grid, robustness);
     match &config.method {
         config::Method::Voxel(_) if scope.grippers.is_some() => {
-            let text = "the voxel network has no gripper input: train it on data of one hand, or a judge on these";
+            let text = "the voxel network has no gripper input: train it on data of one gripper, or a judge on these";
             Err(Failure::new(ExitCode::Config, text))
         }
         config::Method::Voxel(VoxelConfig { network, .. })
@@ -215,8 +215,8 @@ pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Devic
     }
 }
 
-/// The hands of the first dataset, then those of the next.
-pub(crate) fn hands_of(datasets: &[Dataset]) -> impl Iterator<Item = &Gripper> {
+/// The grippers of the first dataset, then those of the next.
+pub(crate) fn grippers_of(datasets: &[Dataset]) -> impl Iterator<Item = &Gripper> {
     datasets.iter().flat_map(|dataset| dataset.info().grippers())
 }
 

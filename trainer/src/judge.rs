@@ -1,4 +1,4 @@
-//! The judge in training: a sample is a hand that grasps, wherever its origin is.
+//! The judge in training: a sample is a grasp, wherever its origin is.
 
 mod sample;
 pub mod scores;
@@ -19,18 +19,18 @@ use crate::scores::GraspErrors;
 use sample::{Found, Sample, SampleResult, StepResult};
 use scores::{JudgeScores, judge_scores};
 
-/// A judge of some hands: those of the first dataset, then those of the next.
+/// A judge of some grippers: those of the first dataset, then those of the next.
 #[derive(Debug, Clone)]
 pub struct Judge {
-    /// How it sees each hand.
+    /// How it sees each gripper.
     pub crops: Vec<Crop>,
 }
 
 impl Judge {
-    /// The judge of a checkpoint, for these hands.
+    /// The judge of a checkpoint, for these grippers.
     #[must_use]
-    pub fn new<'a>(scope: &Scope, hands: impl Iterator<Item = &'a Gripper>) -> Self {
-        Self { crops: hands.map(|hand| Crop::new(hand, scope.pregrasp_distance_m, &scope.grid)).collect() }
+    pub fn new<'a>(scope: &Scope, grippers: impl Iterator<Item = &'a Gripper>) -> Self {
+        Self { crops: grippers.map(|gripper| Crop::new(gripper, scope.pregrasp_distance_m, &scope.grid)).collect() }
     }
 }
 
@@ -46,9 +46,9 @@ impl Method for Judge {
         let count = shard.dataset.info().grippers().len() as u64;
         let sample = |attempt: &AttemptRecord| {
             let AttemptRecord { scene_id, workspace_from_grasp, outcome, robustness, .. } = *attempt;
-            let crop = shard.first_hand + (scene_id % count) as usize;
+            let crop = shard.first_gripper + (scene_id % count) as usize;
             let data = JudgeSample {
-                crop: crop as u32, // datasets have far fewer hands
+                crop: crop as u32, // datasets have far fewer grippers
                 workspace_from_grasp,
                 views: views as u8,
                 mirrored: [false; 2],

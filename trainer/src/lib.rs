@@ -5,7 +5,7 @@
 //! - The crate [`network`] has the networks, their kernels on the host and their checkpoints.
 //! - [`voxel`] is all that only the paper's network needs: its samples, the training step at one voxel per sample, the
 //!   loss (the paper's Eq. 1–5), augmentation, and behind cargo features the network in Burn (`voxel::graph`).
-//! - [`judge`] is the same for a judge of hands. [`method`] is what both answer; the rest is written once for it.
+//! - [`judge`] is the same for a judge of grasps. [`method`] is what both answer; the rest is written once for it.
 //! - [`data`] makes samples from shards, [`batch`] is some of them, [`split`] holds some out, [`order`] shuffles the
 //!   rest.
 //! - [`mod@fit`] is the training loop, [`adam`] its optimiser, [`schedule`] its step size, [`metrics`] its counts,

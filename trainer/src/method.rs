@@ -52,7 +52,8 @@ pub trait Method: Debug + Send + Sync {
     /// Losses and predictions of a batch, without a gradient.
     fn evaluate(&self, vector: &[f32], batch: &Batch<Self::Data>) -> Vec<SampleResult<Self::Answer>>;
 
-    /// What only this method's results have: the errors of its grasps, of all and of the sure ones, or scores of hands.
+    /// What only this method's results have: the errors of its grasps, of all and of the sure ones, or a judge's
+    /// scores.
     fn own_scores(found: &[FoundBy<Self>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<JudgeScores>)
     where
         Self: Sized;

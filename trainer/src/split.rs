@@ -32,8 +32,8 @@ pub struct Labels {
     pub test_scenes: LabelCount,
 }
 
-/// Splits the samples of shards; afterwards an attempt's mark is its [`Set`]. Hands that hit the table are in no
-/// training set: of them there is nothing to learn.
+/// Splits the samples of shards; afterwards an attempt's mark is its [`Set`]. Grasps at which the gripper hits the
+/// table are in no training set: of them there is nothing to learn.
 ///
 /// # Errors
 /// If a set would be empty.

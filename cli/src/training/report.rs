@@ -26,7 +26,7 @@ pub(crate) fn write_report(evaluation: &Evaluation, folder: &Path) -> Result<(),
 pub(crate) fn document(evaluation: &Evaluation) -> Document {
     let mut blocks = vec![Block::Table(numbers(evaluation))];
     let mut add = |title: &str, table| blocks.extend([Block::Heading(title.to_owned()), Block::Table(table)]);
-    if let Some(hands) = &evaluation.hands {
+    if let Some(hands) = &evaluation.grippers {
         add("By outcome", kinds("outcome", &hands.by_outcome));
     }
     add("By shape", kinds("shape", &evaluation.by_shape));
@@ -56,7 +56,7 @@ fn numbers(evaluation: &Evaluation) -> Table {
         row(format!("expected calibration error, {BINS} bins"), number(Some(calibration.expected_error))),
         row("Brier score", number(Some(calibration.brier))),
     ];
-    if let Some(hands) = &evaluation.hands {
+    if let Some(hands) = &evaluation.grippers {
         rows.extend(of_hands(hands));
     } else {
         rows.extend(off_by("held attempts", &evaluation.errors));

@@ -92,14 +92,14 @@ pub struct Shard<'a> {
     first_scene: u32,
     /// The same of its dataset's first attempt.
     first_attempt: u64,
-    /// The same of its dataset's first hand.
-    pub(crate) first_hand: usize,
+    /// The same of its dataset's first gripper.
+    pub(crate) first_gripper: usize,
 }
 
 impl<'a> Shard<'a> {
     /// All shards of some datasets.
     fn all<M: Method>(datasets: &'a [Dataset]) -> Result<Vec<Self>, Failure> {
-        let (mut scenes, mut first_attempt, mut first_hand) = (0_u64, 0, 0);
+        let (mut scenes, mut first_attempt, mut first_gripper) = (0_u64, 0, 0);
         let mut shards = Vec::new();
         for dataset in datasets {
             let info = dataset.info();
@@ -109,9 +109,9 @@ impl<'a> Shard<'a> {
                 return Err(Failure::new(ExitCode::Config, text));
             }
             let first_scene = scenes as u32; // checked below
-            let shard = |shard| Self { dataset, shard, first_scene, first_attempt, first_hand };
+            let shard = |shard| Self { dataset, shard, first_scene, first_attempt, first_gripper };
             shards.extend((0..info.shard_count).map(shard));
-            first_hand += info.grippers().len();
+            first_gripper += info.grippers().len();
             scenes += info.scene_count;
             first_attempt += info.attempt_count;
             // Samples have four bytes for the number of their scene.

@@ -18,7 +18,7 @@ pub enum Set {
 pub(crate) const NO_SAMPLE: u8 = 0;
 pub(crate) const FAILED: u8 = 1;
 pub(crate) const HELD: u8 = 2;
-/// Failed, and there is nothing to learn of it, because the hand hits the table.
+/// Failed, and there is nothing to learn of it, because the gripper hits the table.
 pub(crate) const HITS_TABLE: u8 = 3;
 
 /// The marks of a shard's attempts.

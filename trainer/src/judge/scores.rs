@@ -12,7 +12,7 @@ use crate::scores::{Ranking, Score, average_precision_by_scene, calibration, ran
 /// Results of a judge that those over all samples hide.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JudgeScores {
-    /// Attempts whose hand does not hit the table, which arithmetic knows.
+    /// Attempts whose gripper does not hit the table, which arithmetic knows.
     pub table_free: Scores,
     /// 95 % interval of their average precision by bootstrap over scenes.
     pub average_precision_95_by_scene: Option<(f64, f64)>,

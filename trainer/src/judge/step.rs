@@ -1,7 +1,7 @@
 //! The judge's loss and its gradient over a batch: the cross-entropy of the outcomes, unweighted, so that their
 //! probabilities are calibrated, and, for attempts that were repeated, that of the share that held.
 //!
-//! Where arithmetic knows that the hand hits the table, the network is not asked: the attempt fails, without a loss.
+//! Where arithmetic knows that the gripper hits the table, the network is not asked: the attempt fails, without a loss.
 
 use network::judge::{
     Crop, JudgeActivations, JudgeInputs, JudgeNetwork, OUTCOMES, OUTPUTS, PaddedGrid, probabilities, quality_logit,
@@ -17,10 +17,10 @@ use crate::results::sum;
 /// Samples of a part of a batch, which one thread computes. It does not depend on the number of threads, so neither do
 /// results.
 const PART: usize = 32;
-/// The logit of a quality of 0, for hands that hit the table.
+/// The logit of a quality of 0, for grasps at which the gripper hits the table.
 const NEVER: f32 = -30.0;
 
-/// Loss and gradient of a batch; no hand of it may hit the table.
+/// Loss and gradient of a batch; at no grasp of it may the gripper hit the table.
 #[must_use]
 pub fn step(vector: &[f32], batch: &Batch<JudgeSample>, crops: &[Crop]) -> StepResult {
     let network = JudgeNetwork::new(vector);

@@ -12,7 +12,7 @@
 //! the scene is shifted by a whole number up to a limit, and never so far that one of its samples leaves the volume.
 //! VGN turns about voxel 20, half a voxel beside the middle, and loses a row of voxels; here nothing is lost in
 //! turning. VGN does not mirror. A mirrored scene is as likely as the scene, because gravity, the four shapes and the
-//! hand have a plane of symmetry; its hand is the mirrored one with its fingers exchanged.
+//! gripper have a plane of symmetry; its grasp is the mirrored one with the fingers exchanged.
 
 use core::f32::consts::FRAC_1_SQRT_2;
 use core::ops::RangeInclusive;
@@ -110,7 +110,7 @@ impl Motion {
         [x, y, z]
     }
 
-    /// A hand's orientation after the motion. A mirrored hand has its fingers exchanged, which makes it a rotation.
+    /// A grasp's orientation after the motion. A mirrored gripper has its fingers exchanged, which makes it a rotation.
     #[must_use]
     pub fn rotation(&self, rotation: Quat) -> Quat {
         let half = [
@@ -197,9 +197,9 @@ mod tests {
         }
     }
 
-    /// The supervised voxel, the finger tips' voxels and the ones behind the hand hold what they held before.
+    /// The supervised voxel, the finger tips' voxels and the ones behind the gripper hold what they held before.
     #[test]
-    fn the_hand_keeps_its_place_in_the_scene() {
+    fn the_gripper_keeps_its_place_in_the_scene() {
         let mut draw = Stream::new(4, 0, Purpose::Views, 0);
         let grid: Arc<[f32]> = (0..N.pow(3)).map(|_| draw.uniform(0.0, 1.0)).collect();
         let voxel_at = |p: Vec3| [p.x, p.y, p.z].map(|x| x.floor() as usize);
@@ -220,7 +220,7 @@ mod tests {
                 for part in [Vec3::Y * width / 2.0, Vec3::Y * -width / 2.0, Vec3::Z * -8.0, Vec3::X * 3.0] {
                     let middle = |[i, j, k]: [usize; 3]| Vec3::new(i as f32, j as f32, k as f32) + 0.5;
                     let was = middle(voxel) + rotation * part;
-                    // Of a mirrored hand, what was on one side is on the other.
+                    // Of a mirrored gripper, what was on one side is on the other.
                     let own = if motion.mirrored { Vec3::new(-part.x, part.y, part.z) } else { part };
                     let is = middle(voxel_after) + rotation_after * own;
                     assert!((is - moved(motion, was)).length() < 1e-4, "{motion:?}: {is} {}", moved(motion, was));

@@ -11,7 +11,7 @@ pub(super) fn errors<'a>(found: impl Iterator<Item = &'a Found>, voxel_size_m: f
     let over = |error: &dyn Fn(&VoxelSample, &SampleResult) -> f64| {
         Spread::of(held.iter().map(|(sample, grasp)| error(&sample.data, grasp)).collect())
     };
-    // The cosine between an axis of the true hand and that of the predicted hand.
+    // The cosine between an axis of the true grasp and that of the predicted grasp.
     let cosine = |sample: &VoxelSample, grasp: &SampleResult, axis: Vec3| {
         (sample.target.rotation * axis).dot(Quat::from_array(grasp.answer) * axis)
     };
