@@ -1,4 +1,4 @@
-//! A thousand hands of a scene: a box on a table.
+//! A thousand grasp candidates of a scene: a box on a table.
 
 use divan::Bencher;
 use grasps::CandidateSampler;
@@ -9,7 +9,7 @@ fn main() {
 }
 
 #[divan::bench]
-fn a_thousand_hands(bencher: Bencher<'_, '_>) {
+fn a_thousand_candidates(bencher: Bencher<'_, '_>) {
     let Ok(gripper) = Gripper::from_toml(Gripper::BUILT_IN[0].1) else { return };
     let value = |index: usize| {
         let at_m = Grid::PAPER.centre_m([index / 1600, index / 40 % 40, index % 40]);

@@ -1,9 +1,10 @@
-//! Proposes hands: poses of an open hand that stand free in what was seen of a scene, and close on something.
+//! Proposes grasp candidates: poses at which the open gripper is free of what was seen of a scene, and closes on
+//! something.
 //!
-//! A proposal touches a point of the seen surface. Either a finger closes along the point's normal, from any side that
-//! is not below; or the hand comes along the normal, tilted a little, and closes in any direction. Where nobody saw the
-//! opposite side, it is drawn. A hand that hits the table, or sweeps through what was seen, is not proposed.
-//! The [`Judge`] predicts whether a proposal succeeds.
+//! A candidate touches a point of the seen surface. Either a finger closes along the point's normal, from any side that
+//! is not below; or the gripper comes along the normal, tilted a little, and closes in any direction. Where nobody saw
+//! the opposite side, it is drawn. Where the gripper would hit the table, or sweep through what was seen, nothing is
+//! proposed. The [`Judge`] predicts whether a candidate succeeds.
 
 mod judge;
 mod space;
@@ -17,21 +18,21 @@ use schema::{Grasp, Gripper, GripperBox, Mat3, Pose, Quat, Stream, Vec3, VoxelGr
 pub use judge::{Judge, ScoredGrasp};
 use space::{Looks, Space, looks_of};
 
-/// Share of hands whose finger closes along the normal; the others come along it.
+/// Share of candidates at which a finger closes along the normal; at the others the gripper comes along it.
 const CLOSING_SHARE: f32 = 0.7;
-/// Maximum tilt of a hand that comes along a normal.
+/// Maximum tilt of a gripper that comes along a normal.
 const TILT_RAD_MAX: f32 = FRAC_PI_6;
 /// Approaches rise by at most this sine: they come from above or from the side.
 const APPROACH_RISE_MAX: f32 = 0.05;
 /// How far behind the touched point the tips end, and at the least before it.
 const DEPTH_M: [f32; 2] = [-0.005, 0.04];
-/// The least width of what hands close on.
+/// The least width of what fingers close on.
 const WIDTH_M_MIN: f32 = 0.006;
-/// How deep under a touched point a hand that comes along the normal looks for the sides of what it touches.
+/// How deep under a touched point the sides of what is touched are sought, if the gripper comes along the normal.
 const INTO_M: f32 = 0.008;
 /// How deep under a touched point the walk to the opposite side begins: on the surface itself noise decides.
 const UNDER_M: f32 = 0.004;
-/// Draws for each wanted hand after which the search ends.
+/// Draws for each wanted candidate after which the search ends.
 const TRIES_MAX: usize = 40;
 /// Draws that are examined together.
 const ROUND: usize = 1024;
@@ -41,24 +42,24 @@ const ROUND: usize = 1024;
 pub struct ObservedScene<'a> {
     /// As a TSDF of the judge's voxels.
     pub field: &'a VoxelGrid,
-    /// The same of finer voxels, if there are any: hands are fitted to it more closely.
+    /// The same of finer voxels, if there are any: grasps are fitted to it more closely.
     pub fine: Option<&'a SurfaceBlocks>,
     /// From how many views.
     pub views: usize,
-    /// The lower and the upper corner of the box in which hands touch something, in metres.
+    /// The lower and the upper corner of the box in which candidates touch something, in metres.
     pub reach_m: [Vec3; 2],
 }
 
-/// A hand, prepared for the search.
+/// A gripper, prepared for the search.
 #[derive(Debug, Clone)]
 pub struct CandidateSampler {
     span_m: f32,
     swept: Vec<GripperBox>,
-    /// Points of the swept hand in the grasp frame, in groups, those at the tips first.
+    /// Points of the swept gripper in the grasp frame, in groups, those at the tips first.
     looks: Vec<Looks>,
 }
 
-/// What is drawn for one proposal.
+/// What is drawn for one candidate.
 struct Draw {
     point: usize,
     closes: bool,
@@ -91,31 +92,31 @@ impl Draw {
     }
 }
 
-/// Of each of some hands whether it is wanted.
+/// Of each of some grasps whether it is wanted.
 pub type AreWanted<'a> = dyn Fn(&[Grasp]) -> Vec<bool> + 'a;
 
-/// Where a hand would fit better, if that is known: moved, and turned as it is.
+/// Where a grasp would fit better, if that is known: moved, and turned as it is.
 pub type Better<'a> = dyn Fn(&Grasp) -> Option<Grasp> + Sync + 'a;
 
-/// What hands a judge is to find.
+/// What grasps a judge is to find.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
-    /// Number of hands to propose.
+    /// Number of candidates to propose.
     pub proposals: usize,
     /// Of these, the number that the judge is asked about.
     pub asked: usize,
     /// Distance between the tips of the best ones.
     pub apart_m: f32,
-    /// Places near which hands are proposed; none for anywhere.
+    /// Places near which candidates are proposed; none for anywhere.
     pub about_m: &'a [Vec3],
-    /// Which hands may be proposed.
+    /// Which candidates may be proposed.
     pub are_wanted: &'a AreWanted<'a>,
-    /// Where the best hands are moved.
+    /// Where the best grasps are moved.
     pub better: &'a Better<'a>,
 }
 
 impl CandidateSampler {
-    /// Prepares a hand that starts `pregrasp_distance_m` behind its grasp.
+    /// Prepares a gripper that starts `pregrasp_distance_m` behind its grasp.
     #[must_use]
     pub fn new(gripper: &Gripper, pregrasp_distance_m: f32) -> Self {
         let swept = |b: GripperBox| b.swept_back(pregrasp_distance_m).grown(gripper.clearance_m);
@@ -125,16 +126,16 @@ impl CandidateSampler {
         Self { span_m: gripper.span_m(), swept, looks }
     }
 
-    /// At most `count` hands in a scene, with the widths on which they close as far as these were seen; fewer if no
-    /// more are found. A pure function of its arguments, whatever the number of threads.
+    /// At most `count` candidates in a scene, with the widths on which they close as far as these were seen; fewer if
+    /// no more are found. A pure function of its arguments, whatever the number of threads.
     #[must_use]
     pub fn sample(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
         let space = Space::new(field, None, field.lattice.corners_m());
-        self.search(&space, &Default::default(), &|hands| vec![true; hands.len()], count, stream)
+        self.search(&space, &Default::default(), &|grasps| vec![true; grasps.len()], count, stream)
     }
 
     /// [`Self::sample`] in a scene that is prepared, for several searches, on the `wanted` points of its surfaces, of
-    /// hands that are wanted.
+    /// candidates that are wanted.
     fn search(
         &self,
         space: &Space<'_>,
@@ -149,8 +150,8 @@ impl CandidateSampler {
         }
         for _ in 0..(count * TRIES_MAX).div_ceil(ROUND) {
             let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&space.surfaces, wanted, stream)).collect();
-            let hand = |draw: &Draw| self.hand(space, draw);
-            let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(hand).collect();
+            let candidate = |draw: &Draw| self.candidate(space, draw);
+            let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(candidate).collect();
             let round: Vec<Grasp> = round.into_iter().flatten().collect();
             found.extend(kept(&round, &are_wanted(&round)));
             if found.len() >= count {
@@ -161,8 +162,8 @@ impl CandidateSampler {
         found
     }
 
-    /// The hand of a draw at its point of the surface, if it is free.
-    fn hand(&self, space: &Space<'_>, draw: &Draw) -> Option<Grasp> {
+    /// The candidate of a draw at its point of the surface, if the gripper is free there.
+    fn candidate(&self, space: &Space<'_>, draw: &Draw) -> Option<Grasp> {
         let (point_m, normal) = space.surfaces[usize::from(draw.closes)][draw.point];
         let span_m = self.span_m;
         let (rotation, width_m, centre_m) = if draw.closes {
@@ -170,7 +171,7 @@ impl CandidateSampler {
             if rises(rotation) {
                 return None;
             }
-            // The same for each hand that closes at this point.
+            // The same for each candidate that closes at this point.
             let behind_m = *space.behind_m[draw.point]
                 .get_or_init(|| space.way_out_m(point_m - UNDER_M * normal, -normal, span_m - UNDER_M));
             let width_m =
@@ -209,20 +210,20 @@ impl CandidateSampler {
         self.is_free(space, &workspace_from_grasp).then_some(Grasp { workspace_from_grasp, width_m })
     }
 
-    /// How high the swept hand is above the table.
+    /// How high the swept gripper is above the table.
     fn above_m(&self, space: &Space<'_>, workspace_from_grasp: &Pose) -> f32 {
         let lowest_m = self.swept.iter().map(|b| b.lowest_z_m(workspace_from_grasp));
         lowest_m.fold(f32::INFINITY, f32::min) - space.field.lattice.table_z_m
     }
 
-    /// Whether neither the table nor what was seen is in a hand's way.
+    /// Whether neither the table nor what was seen is in the gripper's way.
     fn is_free(&self, space: &Space<'_>, workspace_from_grasp: &Pose) -> bool {
         let Pose { rotation, translation, .. } = *workspace_from_grasp;
         self.above_m(space, workspace_from_grasp) >= 0.0 && !space.is_in_the_way(rotation, translation, &self.looks)
     }
 }
 
-/// Whether a hand comes from below.
+/// Whether the gripper comes from below.
 fn rises(rotation: Quat) -> bool {
     (rotation * Vec3::Z).z > APPROACH_RISE_MAX
 }
@@ -294,41 +295,42 @@ mod tests {
     fn proposed(count: usize) -> (Gripper, Vec<Grasp>) {
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
         let sampler = CandidateSampler::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
-        let hands = sampler.sample(&field(), count, &mut Stream::new(1, 0, Purpose::Proposals, 0));
-        (gripper, hands)
+        let candidates = sampler.sample(&field(), count, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        (gripper, candidates)
     }
 
-    /// How deep the deepest point of any of these hands, on its way, is in the box.
-    fn deepest_m(gripper: &Gripper, hands: &[Grasp]) -> f32 {
-        let hand = gripper.open_gripper();
-        let swept: Vec<_> = hand.iter().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m)).collect();
+    /// How deep the deepest point of the gripper, on its way to any of these grasps, is in the box.
+    fn deepest_m(gripper: &Gripper, grasps: &[Grasp]) -> f32 {
+        let boxes = gripper.open_gripper();
+        let swept: Vec<_> = boxes.iter().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m)).collect();
         let points_m: Vec<Vec3> = swept.iter().flat_map(looks_of).flat_map(|looks| looks.points_m).collect();
-        let depths_m = hands
+        let depths_m = grasps
             .iter()
-            .flat_map(|hand| points_m.iter().map(|point_m| depth_in_box_m(hand.workspace_from_grasp * *point_m)));
+            .flat_map(|grasp| points_m.iter().map(|point_m| depth_in_box_m(grasp.workspace_from_grasp * *point_m)));
         depths_m.fold(f32::NEG_INFINITY, f32::max)
     }
 
     #[test]
-    fn hands_are_free_and_come_from_above_or_from_the_side() {
-        let (gripper, hands) = proposed(500);
-        assert_eq!(hands.len(), 500);
-        let hand = gripper.open_gripper();
-        let swept: Vec<_> = hand.iter().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m)).collect();
-        for Grasp { workspace_from_grasp: pose, .. } in &hands {
+    fn candidates_are_free_and_come_from_above_or_from_the_side() {
+        let (gripper, candidates) = proposed(500);
+        assert_eq!(candidates.len(), 500);
+        let boxes = gripper.open_gripper();
+        let swept: Vec<_> = boxes.iter().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m)).collect();
+        for Grasp { workspace_from_grasp: pose, .. } in &candidates {
             assert!((pose.rotation * Vec3::Z).z <= APPROACH_RISE_MAX);
             assert!(swept.iter().all(|b| b.lowest_z_m(pose) > 0.05));
         }
         // The field's voxels are 7.5 mm, and it is looked up without interpolation.
-        let deepest_m = deepest_m(&gripper, &hands);
+        let deepest_m = deepest_m(&gripper, &candidates);
         assert!(deepest_m < 0.012, "{deepest_m}");
-        let level = hands.iter().filter(|hand| (hand.workspace_from_grasp.rotation * Vec3::Z).z > -0.3).count();
-        let steep = hands.iter().filter(|hand| (hand.workspace_from_grasp.rotation * Vec3::Z).z < -0.8).count();
+        let rise = |grasp: &Grasp| (grasp.workspace_from_grasp.rotation * Vec3::Z).z;
+        let level = candidates.iter().filter(|grasp| rise(grasp) > -0.3).count();
+        let steep = candidates.iter().filter(|grasp| rise(grasp) < -0.8).count();
         assert!(level > 50 && steep > 50, "{level} {steep}");
     }
 
-    fn every(hands: &[Grasp]) -> Vec<bool> {
-        vec![true; hands.len()]
+    fn every(grasps: &[Grasp]) -> Vec<bool> {
+        vec![true; grasps.len()]
     }
 
     /// Those on a face of the box, when only its points are wanted.
@@ -342,22 +344,22 @@ mod tests {
         let wanted = space.near(&[corner_m], 0.02);
         assert!(wanted.iter().zip(&space.surfaces).all(|(near, all)| !near.is_empty() && near.len() < all.len() / 2));
         let near = sampler.search(&space, &wanted, &every, 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
-        let off_m = |hands: &[Grasp]| {
-            let off_m = hands.iter().map(|hand| (hand.workspace_from_grasp.translation - corner_m).length());
-            off_m.sum::<f32>() / hands.len() as f32
+        let off_m = |grasps: &[Grasp]| {
+            let off_m = grasps.iter().map(|grasp| (grasp.workspace_from_grasp.translation - corner_m).length());
+            off_m.sum::<f32>() / grasps.len() as f32
         };
         assert!(off_m(&near) < 0.85 * off_m(&all), "{} {}", off_m(&near), off_m(&all));
         assert!(space.near(&[], 1.0).iter().all(Vec::is_empty));
-        let is_steep = |hand: &Grasp| (hand.workspace_from_grasp.rotation * Vec3::Z).z < -0.8;
-        let steep = |hands: &[Grasp]| hands.iter().map(is_steep).collect();
-        // Others take the place of hands that are not wanted.
+        let is_steep = |grasp: &Grasp| (grasp.workspace_from_grasp.rotation * Vec3::Z).z < -0.8;
+        let steep = |grasps: &[Grasp]| grasps.iter().map(is_steep).collect();
+        // Others take the place of candidates that are not wanted.
         let found = sampler.search(&space, &wanted, &steep, 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         assert!(found.len() == 200 && found.iter().all(is_steep) && !near.iter().all(is_steep));
     }
 
     /// Groups of points that are far from all that was seen are skipped, and change no answer.
     #[test]
-    fn a_hand_is_in_the_way_where_one_of_its_points_is() {
+    fn a_gripper_is_in_the_way_where_one_of_its_points_is() {
         let (gripper, field, fine) = (proposed(1).0, field(), SurfaceBlocks::from(&field_of(120)));
         let sampler = CandidateSampler::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
         let space = Space::new(&field, Some(&fine), field.lattice.corners_m());
@@ -377,38 +379,38 @@ mod tests {
     }
 
     #[test]
-    fn hands_stand_freer_in_a_finer_field() {
+    fn candidates_are_freer_in_a_finer_field() {
         let (gripper, coarse) = proposed(500);
         let (field, fine) = (field(), field_of(120));
         let sampler = CandidateSampler::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
         let fine = SurfaceBlocks::from(&fine);
         let space = Space::new(&field, Some(&fine), field.lattice.corners_m());
         let none = Default::default();
-        let hands = sampler.search(&space, &none, &every, 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
-        assert_eq!(hands.len(), 500);
-        let [before_m, after_m] = [&coarse, &hands].map(|hands| deepest_m(&gripper, hands));
+        let candidates = sampler.search(&space, &none, &every, 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        assert_eq!(candidates.len(), 500);
+        let [before_m, after_m] = [&coarse, &candidates].map(|grasps| deepest_m(&gripper, grasps));
         // A millimetre is not in the way.
         assert!(before_m > 0.003 && after_m < 0.002, "{before_m} {after_m}");
     }
 
     #[test]
-    fn most_hands_have_the_box_between_their_fingers_and_know_its_width() {
-        let (gripper, hands) = proposed(500);
+    fn most_candidates_have_the_box_between_the_fingers_and_know_its_width() {
+        let (gripper, candidates) = proposed(500);
         let half_y_m = 0.5 * gripper.opening_m_max;
-        let holds = |hand: &&Grasp| {
+        let holds = |grasp: &&Grasp| {
             let steps = || (-20_i8..=20).map(|step| f32::from(step) / 20.0);
             steps().any(|y| {
                 (1_u8..=10).any(|z| {
                     let at = Vec3::new(0.0, y * half_y_m, -0.003 * f32::from(z));
-                    depth_in_box_m(hand.workspace_from_grasp * at) > 0.0
+                    depth_in_box_m(grasp.workspace_from_grasp * at) > 0.0
                 })
             })
         };
-        let between = hands.iter().filter(holds).count();
+        let between = candidates.iter().filter(holds).count();
         assert!(between > 300, "{between} of 500");
         // Closing across the box, 40 or 50 mm, as far as normals of a field of 7.5 mm lie straight across.
-        let known = |hand: &&Grasp| [0.04, 0.05].iter().any(|side| (hand.width_m - side).abs() < 0.002);
-        let known = hands.iter().filter(known).count();
+        let known = |grasp: &&Grasp| [0.04, 0.05].iter().any(|side| (grasp.width_m - side).abs() < 0.002);
+        let known = candidates.iter().filter(known).count();
         assert!(known > 150, "{known} of 500");
     }
 
@@ -440,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_table_has_no_hands_and_the_same_stream_gives_the_same_hands() {
+    fn an_empty_table_has_no_candidates_and_the_same_stream_gives_the_same_candidates() {
         let empty = VoxelGrid::new(Grid::PAPER, vec![0.0; 64_000]).unwrap();
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
         let mut stream = Stream::new(1, 0, Purpose::Proposals, 0);
@@ -448,25 +450,25 @@ mod tests {
         assert_eq!(proposed(300).1, proposed(500).1[..300]);
     }
 
-    /// A little aside the judge is as sure of hands on a box, in the air above it is not.
+    /// A little aside the judge is as sure of grasps on a box, in the air above it is not.
     #[test]
-    fn the_best_hands_go_to_a_better_place_if_the_judge_is_as_sure() {
+    fn the_best_grasps_go_to_a_better_place_if_the_judge_is_as_sure() {
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
         let weights = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/judge.safetensors");
         let judge = Judge::new(&checkpoint::read(&weights).unwrap(), &gripper, &Grid::PAPER).unwrap();
         let field = field();
         let tips_m = |off_m: Option<Vec3>| -> Vec<Vec3> {
             let seen = ObservedScene { field: &field, fine: None, views: 6, reach_m: field.lattice.corners_m() };
-            let better = |hand: &Grasp| {
-                let pose = hand.workspace_from_grasp;
+            let better = |grasp: &Grasp| {
+                let pose = grasp.workspace_from_grasp;
                 let moved = |off_m: Vec3| Pose { translation: pose.translation + off_m, ..pose };
-                off_m.map(|off_m| Grasp { workspace_from_grasp: moved(off_m), ..*hand })
+                off_m.map(|off_m| Grasp { workspace_from_grasp: moved(off_m), ..*grasp })
             };
             let mut stream = Stream::new(1, 0, Purpose::Proposals, 0);
             let search =
                 Search { proposals: 256, asked: 64, apart_m: 0.01, about_m: &[], are_wanted: &every, better: &better };
-            let (hands, _) = judge.scored_grasps(seen, &search, &mut stream);
-            hands.iter().map(|hand| hand.grasp.workspace_from_grasp.translation).collect()
+            let (found, _) = judge.scored_grasps(seen, &search, &mut stream);
+            found.iter().map(|scored| scored.grasp.workspace_from_grasp.translation).collect()
         };
         let as_proposed_m = tips_m(None);
         let moved_by_m = |off_m: Vec3| -> Vec<f32> {

@@ -1,4 +1,4 @@
-//! What was seen of a scene, for questions about single points and about all points of a hand.
+//! What was seen of a scene, for questions about single points and about all points of a gripper.
 
 use std::sync::OnceLock;
 
@@ -8,7 +8,7 @@ use perception::{
 };
 use schema::{GripperBox, Mat3, Quat, Vec3, VoxelGrid};
 
-/// Distance between the points of the surface that hands touch.
+/// Distance between the points of the surface that candidates touch.
 const PITCH_M: f32 = 0.005;
 /// Points nearer to the table than this belong to the table.
 const TABLE_M: f32 = 0.004;
@@ -16,20 +16,20 @@ const TABLE_M: f32 = 0.004;
 const CLOSING_RISE_MAX: f32 = 0.85;
 /// Step of the walk through an object to its side.
 const WALK_M: f32 = 0.002;
-/// A hand is in the way of what was seen where the field is below this, in truncations: 6 mm deep in the paper's grid,
-/// because the field is coarse.
+/// A gripper is in the way of what was seen where the field is below this, in truncations: 6 mm deep in the paper's
+/// grid, because the field is coarse.
 const INSIDE: f32 = -0.2;
 /// Where a finer field is given, it is asked too, about points that are nearer than this to a surface, in truncations …
 const NEAR: f32 = 0.3;
-/// … and a hand is in the way of what it shows where that is deeper than this.
+/// … and a gripper is in the way of what it shows where that is deeper than this.
 const INSIDE_FINE_M: f32 = 0.001;
-/// Distance between the points of the swept hand at which the field is looked up.
+/// Distance between the points of the swept gripper at which the field is looked up.
 const LOOK_M: f32 = 0.0075;
-/// So many points of a hand along each side of a cube are looked up together: where nothing is near its middle, not at
-/// all.
+/// So many points of a gripper along each side of a cube are looked up together: where nothing is near its middle, not
+/// at all.
 const TOGETHER: usize = 3;
 
-/// Points of a hand that are near each other, in the grasp frame.
+/// Points of a gripper that are near each other, in the grasp frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Looks {
     pub(crate) middle_m: Vec3,
@@ -57,7 +57,8 @@ pub(crate) fn looks_of(b: &GripperBox) -> Vec<Looks> {
     (0..groups.iter().product()).map(of_group).collect()
 }
 
-/// Of each voxel, whether what a hand may touch lies in a voxel so near that points about the same middle may be in it.
+/// Of each voxel, whether what a gripper may touch lies in a voxel so near that points about the same middle may be in
+/// it.
 fn around(field: &VoxelGrid) -> Vec<bool> {
     let [_, width, height] = field.lattice.counts;
     let mut is_around: Vec<bool> = field.values.iter().map(|value| is_near(*value)).collect();
@@ -76,8 +77,8 @@ fn around(field: &VoxelGrid) -> Vec<bool> {
     is_around
 }
 
-/// Sets what is `reach` places before or after what is set. (Over the ends of lines, too: then a hand is looked at more
-/// closely for nothing.)
+/// Sets what is `reach` places before or after what is set. (Over the ends of lines, too: then a gripper is looked at
+/// more closely for nothing.)
 fn spread(is_set: &mut [bool], reach: usize) {
     let before = is_set.to_vec();
     let both = |set: &mut [bool], near: &[bool]| set.iter_mut().zip(near).for_each(|(set, near)| *set |= *near);
@@ -87,7 +88,8 @@ fn spread(is_set: &mut [bool], reach: usize) {
     }
 }
 
-/// Whether something is so near a voxel with this value that a hand there may be in its way; nothing was observed at 0.
+/// Whether something is so near a voxel with this value that a gripper there may be in its way; nothing was observed
+/// at 0.
 #[inline]
 fn is_near(value: f32) -> bool {
     value > 0.0 && 2.0 * value - 1.0 < NEAR
@@ -101,7 +103,7 @@ pub(crate) struct Space<'a> {
     fine: Option<&'a SurfaceBlocks>,
     /// Points of the surface of things with their normals: all, and those on which a finger can close.
     pub(crate) surfaces: [Vec<(Vec3, Vec3)>; 2],
-    /// Of each of the latter how far a hand's search found the thing to reach behind it.
+    /// Of each of the latter how far the thing was found to reach behind it, once a candidate closes there.
     pub(crate) behind_m: Vec<OnceLock<Option<f32>>>,
     /// Of each voxel, whether something may be in the way of a group of looks about it.
     is_around: Vec<bool>,
@@ -154,7 +156,7 @@ impl<'a> Space<'a> {
         self.is_around[self.field.lattice.flat(index)]
     }
 
-    /// Whether points of a hand at a pose are in the way of something.
+    /// Whether points of a gripper at a pose are in the way of something.
     pub(crate) fn is_in_the_way(&self, rotation: Quat, tips_m: Vec3, looks: &[Looks]) -> bool {
         let (tips, turn) = ((tips_m - self.field.lattice.low_m) * self.per_m, Mat3::from_quat(rotation) * self.per_m);
         looks.iter().filter(|looks| self.is_around(tips + turn * looks.middle_m)).any(|looks| {
