@@ -45,7 +45,7 @@ const HALVINGS: u32 = 8;
 /// Draws and labels the grasps of an object. `on_grasps` is told how many there are by now; where it says no, the work
 /// is given up, and there is no set.
 ///
-/// There are fewer than were asked for if the object has not so many that the hand can close on.
+/// There are fewer than were asked for if the object has not so many that the gripper can close on.
 #[must_use]
 pub fn annotate(
     annotated: &Annotated,
@@ -226,7 +226,7 @@ impl<'a> Bench<'a> {
         (repeats > 0).then(|| held / repeats as f32)
     }
 
-    /// Whether the hand stays off the table on its way to a grasp.
+    /// Whether the gripper stays off the table on its way to a grasp.
     fn is_free(&self, stable: &StablePose, object_from_grasp: &Pose) -> bool {
         let gripper = &self.params.gripper;
         let table_from_grasp = stable.table_from_object * *object_from_grasp;
@@ -239,7 +239,7 @@ impl<'a> Bench<'a> {
         let held = grasps.iter().filter(|grasp| grasp.outcome == Outcome::Held);
         let contacts_m: Vec<Vec3> = held.flat_map(|grasp| grasp.contacts_m).flatten().collect();
         let is_near = |at_m: Vec3| contacts_m.iter().any(|contact_m| (at_m - *contact_m).length() <= COVERED_M);
-        // Where something was held, nobody has to ask whether a hand can come.
+        // Where something was held, nobody has to ask whether a gripper can come.
         let covered = |number: u64| {
             let point = draw.point(number).filter(|point| draw.has_pair(point))?;
             let is_covered = is_near(point.at_m + self.annotated.origin_m);
@@ -350,7 +350,7 @@ mod tests {
             let count = set.grasps.iter().filter(|grasp| grasp.source == source).count() as f32;
             assert!((count / 300.0 - share).abs() < 0.02, "{source:?}: {count}");
         }
-        // The open hand comes to every antipodal grasp, and what is drawn first is not changed by how many follow.
+        // The open gripper comes to every antipodal grasp, and what is drawn first is not changed by how many follow.
         let reached = |grasp: &&ObjectGrasp| grasp.source == GraspSource::Antipodal;
         assert!(set.grasps.iter().filter(reached).all(|grasp| grasp.width_m.is_some()));
         assert_eq!(all(&object, &AnnotateParams { grasps: 100, ..params }).grasps, set.grasps[..100]);
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_too_wide_for_the_hand_has_no_grasps() {
+    fn a_wall_too_wide_for_the_gripper_has_no_grasps() {
         let object = annotated(cuboid([0.2, 0.25, 0.3]), 1.0, 0.8);
         let params = AnnotateParams { shares: GraspShares { antipodal: 1.0, normal: 0.0, displaced: 0.0 }, ..few(50) };
         let set = all(&object, &params);
@@ -386,9 +386,9 @@ mod tests {
         let middle = Pose::from_translation(object.origin_m + Vec3::new(0.0, 0.0, 0.015));
         let beside = Pose::from_translation(object.origin_m + Vec3::new(0.012, 0.0, 0.015));
         let set = relabel(&object, &params, &[middle, beside], &mut |_| true).unwrap();
-        let hand = &params.gripper;
-        let tug_g = 2.0 * hand.friction * 0.5 * hand.finger_force_n / (0.5 * G_M_S2);
-        let friction = 0.5 * 0.5 * G_M_S2 / hand.finger_force_n;
+        let gripper = &params.gripper;
+        let tug_g = 2.0 * gripper.friction * 0.5 * gripper.finger_force_n / (0.5 * G_M_S2);
+        let friction = 0.5 * 0.5 * G_M_S2 / gripper.finger_force_n;
         let [middle, beside] = [0, 1].map(|number| set.grasps[number].margins.unwrap());
         assert!((middle.tug_max_g / tug_g - 1.0).abs() < 0.03, "{middle:?}, by the closed form {tug_g} g");
         assert!((middle.friction_min.unwrap() / friction - 1.0).abs() < 0.03, "{middle:?}, {friction}");
@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn a_brick_lies_on_its_six_sides_and_hands_from_below_are_in_the_table() {
+    fn a_brick_lies_on_its_six_sides_and_grasps_from_below_are_in_the_table() {
         let mut object = annotated(cuboid([0.03, 0.05, 0.07]), 0.1, 0.8);
         object.origin_m = Vec3::new(0.1, 0.2, 0.3);
         let down = Pose::from_parts(object.origin_m, axis_angle(Vec3::X, PI));

@@ -106,10 +106,10 @@ pub fn make_scene_watched(
         // Nothing was proposed and nothing else is wanted.
         candidates = observed.draw(Source::Normals, count, &mut candidates_stream);
     }
-    let (physics, hand, procedure) = (&config.physics, config.gripper.of_scene(scene_id), &config.procedure);
-    let world = AttemptWorld::new(physics, hand, procedure, &scene);
+    let (physics, gripper, procedure) = (&config.physics, config.gripper.of_scene(scene_id), &config.procedure);
+    let world = AttemptWorld::new(physics, gripper, procedure, &scene);
     let robustness = config.robustness.as_ref();
-    let repeats = Repeats::of_scene(robustness, config.seed, scene_id, physics, hand, procedure, &scene);
+    let repeats = Repeats::of_scene(robustness, config.seed, scene_id, physics, gripper, procedure, &scene);
     ended(Stage::Prepared)?;
 
     let mut execute = |(candidate, attempt_id): (&Candidate, u32)| {

@@ -11,7 +11,7 @@ pub struct Candidate {
     pub object_id: usize,
     /// Row of Appendix A, or the approach along the surface's normal.
     pub rule: Rule,
-    /// Object axis along which the hand closes, before the turn is applied.
+    /// Object axis along which the gripper closes, before the turn is applied.
     pub closing: Option<Axis>,
     /// r_y.
     pub tilt_rad: f32,

@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn the_household_objects_are_sound_and_of_a_size_for_hands() {
+    fn the_household_objects_are_sound_and_of_a_size_for_grippers() {
         let [train, held_out] =
             ["household-train", "household-held-out"].map(|name| Catalogue::named(name, Path::new("")).unwrap().things);
         let kind = |thing: &CatalogueObject| thing.body.name().rsplit_once('_').unwrap().0.to_owned();

@@ -102,15 +102,15 @@ words! {
     pub enum Sampler {
         /// By the paper's rules (Appendix A).
         Rules = "rules",
-        /// VGN's: a seen point of the surface, the hand along its normal, six yaws.
+        /// VGN's: a seen point of the surface, the gripper along its normal, six yaws.
         Vgn = "vgn",
-        /// Several ways, each with its share: for a judge, which must tell apart what hands of all kinds meet.
+        /// Several ways, each with its share: for a judge, which must tell apart what grasps of all kinds meet.
         Mixed = "mixed",
     }
 }
 
 words! {
-    /// Along which of the axes that Appendix A leaves open a hand closes.
+    /// Along which of the axes that Appendix A leaves open a gripper closes.
     pub enum RuleClosing {
         /// One of them, drawn.
         Drawn = "drawn",
@@ -127,11 +127,11 @@ settings! {
         pub rules: f32 where 0.0..=1.0,
         /// VGN's, in sixes.
         pub normals: f32 where 0.0..=1.0,
-        /// Hands proposed on what the scene's cameras saw.
+        /// Grasp candidates proposed on what the scene's cameras saw.
         pub proposals: f32 where 0.0..=1.0,
         /// Proposals that the policy's judge rates highest; without a policy, as `proposals`.
         pub judged: f32 where 0.0..=1.0,
-        /// Hands that held another attempt of the scene, moved by up to 30 mm and turned by up to 30 degrees.
+        /// Grasps that held in another attempt of the scene, moved by up to 30 mm and turned by up to 30 degrees.
         pub displaced: f32 where 0.0..=1.0,
         /// The same, moved but not turned.
         #[serde(skip_serializing_if = "is_none")]
@@ -169,17 +169,17 @@ settings! {
         pub sampler: Sampler,
         /// The shares of a mixed sampler.
         pub shares: Shares; or Shares::NONE,
-        /// Along which axis hands by the rules close where Appendix A leaves it open.
+        /// Along which axis grasps by the rules close where Appendix A leaves it open.
         pub rule_closing: RuleClosing; or RuleClosing::Drawn,
-        /// Weights of a judge, whose best hands are executed.
+        /// Weights of a judge, whose best grasps are executed.
         pub policy: Option<Policy>; or None,
-        /// The hand, or several that take turns from scene to scene: their names or files, or a table of ranges.
+        /// The gripper, or several that take turns from scene to scene: their names or files, or a table of ranges.
         pub gripper: Grippers,
         /// The workspace.
         pub grid: Grid,
         /// What is dropped.
         pub objects: ObjectParams,
-        /// Share of the scenes in which nothing lies that the hand cannot span: wider objects are drawn anew.
+        /// Share of the scenes in which nothing lies that the gripper cannot span: wider objects are drawn anew.
         pub spanned_share: f32 where 0.0..=1.0; or 0.0,
         /// Which scenes are packed instead.
         pub packed: Option<PackedParams>; or None,
@@ -289,11 +289,11 @@ impl Config {
         reader.must("objects.size_m", high <= most, || {
             format!("must be a range [low, high] within [0.002, {most}], got [{low}, {high}]")
         });
-        // A hand without enough time to close would label narrow objects as slipped.
-        for hand in gripper.all() {
-            let (needs_s, got) = (0.5 * hand.opening_m_max / hand.closing_speed_m_s, procedure.close_time_s_max);
+        // A gripper without enough time to close would label narrow objects as slipped.
+        for one in gripper.all() {
+            let (needs_s, got) = (0.5 * one.opening_m_max / one.closing_speed_m_s, procedure.close_time_s_max);
             reader.must("procedure.close_time_s_max", needs_s <= got + 1e-4, || {
-                format!("must be at least the {needs_s:.2} s in which {} closes, got {got}", hand.name)
+                format!("must be at least the {needs_s:.2} s in which {} closes, got {got}", one.name)
             });
         }
         let wanted = if *sampler == Sampler::Mixed { 1.0 } else { 0.0 };
@@ -302,9 +302,9 @@ impl Config {
             format!("must make {wanted} for sampler = \"{}\", got {got}", sampler.name())
         });
         if let Some(policy) = &self.policy {
-            let problem = || "needs shares.judged above 0: its hands have no share of the attempts".to_owned();
+            let problem = || "needs shares.judged above 0: its grasps have no share of the attempts".to_owned();
             reader.must("policy", self.shares.judged > 0.0, problem);
-            let failure = gripper.all().iter().find_map(|hand| policy.judge(hand, grid).err());
+            let failure = gripper.all().iter().find_map(|one| policy.judge(one, grid).err());
             if let Some(failure) = failure {
                 reader.within("policy", |reader| reader.report(failure));
             }
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_that_has_no_time_to_close_is_refused() {
+    fn a_gripper_that_has_no_time_to_close_is_refused() {
         let problems = problems(&PAPER[0].replace("close_time_s_max = 1.0", "close_time_s_max = 0.7"));
         assert!(problems.len() == 1 && problems[0].starts_with("procedure.close_time_s_max"), "{problems:?}");
     }

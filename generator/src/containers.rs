@@ -180,8 +180,8 @@ mod tests {
             let rows = make_scene(&config, scene_id, 24).unwrap();
             let scene =
                 Scene::from_records(config.grid.table_z_m, rows.scene.fixtures(&config.grid), &rows.objects, &[]);
-            let hand = config.gripper.of_scene(scene_id);
-            let world = AttemptWorld::new(&config.physics, hand, &config.procedure, &scene);
+            let gripper = config.gripper.of_scene(scene_id);
+            let world = AttemptWorld::new(&config.physics, gripper, &config.procedure, &scene);
             for attempt in &rows.attempts {
                 let again = world.execute(&attempt.workspace_from_grasp, attempt.object_id as usize);
                 assert_eq!((again.outcome, again.width_m), (attempt.outcome, attempt.width_m), "{attempt:?}");

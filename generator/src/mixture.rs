@@ -21,10 +21,10 @@ use crate::normals::draw_along_normals;
 const MOVE_M_MAX: f32 = 0.03;
 /// Maximum angle by which it is turned.
 const TURN_RAD_MAX: f32 = FRAC_PI_6;
-/// How far before the tips, along the approach, a proposed gripper closes.
+/// How far before the tips, along the approach, a proposed grasp closes.
 const CLOSING_M: f32 = 0.01;
 
-/// Of what is seen of a bin most is wall: so many times as many hands are proposed as are wanted …
+/// Of what is seen of a bin most is wall: so many times as many candidates are proposed as are wanted …
 const SPARES: usize = 4;
 /// … and at most this part of the wanted ones, one in so many, close on a wall. Those that a judge chooses may all do:
 /// a judge that was kept from the walls that it likes went on taking them, at 0.9 to 0.99.
@@ -93,7 +93,7 @@ impl Observed<'_> {
             Source::Normals => draw_along_normals(config, scene, objects, rays, views, count, stream),
             Source::Proposals => {
                 let sampler = CandidateSampler::new(gripper, config.procedure.pregrasp_distance_m);
-                // Among walls most hands close on those.
+                // Among walls most candidates close on those.
                 let spares = if scene.fixtures.is_empty() { 1 } else { SPARES };
                 let grasps = sampler.sample(tsdf, count * spares, &mut own_stream(0));
                 self.candidates(Approach::Proposal, count, grasps.iter().map(|grasp| grasp.workspace_from_grasp))
@@ -131,7 +131,7 @@ impl Observed<'_> {
 /// The best proposals of a scene that are apart from better ones.
 fn best(judge: &Judge, seen: ObservedScene<'_>, count: usize, stream: &mut Stream) -> Vec<ScoredGrasp> {
     let mut best: Vec<ScoredGrasp> = Vec::with_capacity(count);
-    let all = |hands: &[Grasp]| vec![true; hands.len()];
+    let all = |grasps: &[Grasp]| vec![true; grasps.len()];
     let search = Search {
         proposals: JUDGED_OF,
         asked: JUDGED_OF,
@@ -212,7 +212,7 @@ mod tests {
             of(&rows, |approach| approach == Approach::Displaced),
         ];
         let [rules, normals, proposals, displaced] = counts.map(|attempts| attempts.len());
-        // Where fewer hands are proposed, more are displaced.
+        // Where fewer candidates are proposed, more are displaced.
         assert_eq!((rules, normals, proposals + displaced), (18, 6, 36));
         assert!((5..=24).contains(&proposals), "{proposals}");
         // The last scene of a dataset may have fewer.
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_policys_hands_hold_more_often_than_proposals_and_name_it() {
+    fn a_policys_grasps_hold_more_often_than_proposals_and_name_it() {
         let text = JUDGE.replace("sampler = ", "policy = \"../models/judge.safetensors\"\nsampler = ");
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/judge.toml");
         let config = Config::read(Document::parse(&text, Path::new(path)).unwrap(), Overrides::default()).unwrap();
@@ -275,9 +275,9 @@ mod tests {
         assert!(message.starts_with("policy") || message.contains("policy: "), "{message}");
     }
 
-    /// The shipped config for networks of voxels: all of its displaced hands are turned as one that held.
+    /// The shipped config for networks of voxels: all of its displaced grasps are turned as one that held.
     #[test]
-    fn shifted_hands_are_turned_as_one_that_held() {
+    fn shifted_grasps_are_turned_as_one_that_held() {
         let text = include_str!("../../configs/generate/voxel.toml");
         let config = config(text).unwrap();
         let (mut seen, mut moved) = (0, 0);
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn displaced_hands_are_near_one_that_held() {
+    fn displaced_grasps_are_near_one_that_held() {
         let config = config(JUDGE).unwrap();
         let mut seen = 0;
         for scene in 0..8 {
@@ -326,7 +326,7 @@ mod tests {
 
     #[test]
     fn proposals_without_anything_to_touch_give_way_to_normals() {
-        // A hand too wide to stand anywhere is never proposed.
+        // For a gripper too wide to stand anywhere nothing is proposed.
         let text = JUDGE
             .replace("rules = 0.3 ", "rules = 0.0 ")
             .replace("normals = 0.15 ", "normals = 0.0 ")
@@ -334,10 +334,10 @@ mod tests {
             .replace("judged = 0.25 ", "judged = 0.0 ")
             .replace("displaced = 0.15 ", "displaced = 0.0 ");
         let mut config = config(&text).unwrap();
-        let mut hand = config.gripper.all()[0].clone();
-        (hand.palm_breadth_m, hand.palm_width_m, hand.palm_length_m) = (0.5, 0.5, 0.5);
-        hand.finger_length_m = 0.005;
-        config.gripper = hand.into();
+        let mut gripper = config.gripper.all()[0].clone();
+        (gripper.palm_breadth_m, gripper.palm_width_m, gripper.palm_length_m) = (0.5, 0.5, 0.5);
+        gripper.finger_length_m = 0.005;
+        config.gripper = gripper.into();
         let rows = make_scene(&config, 1, 12).unwrap();
         assert_eq!(rows.attempts.len(), 12);
     }

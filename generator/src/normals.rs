@@ -1,4 +1,4 @@
-//! VGN's grasps: an observed surface point, the hand along its normal, six yaws about it (`generate_data.py`).
+//! VGN's grasps: an observed surface point, the gripper along its normal, six yaws about it (`generate_data.py`).
 //!
 //! There are two differences from the published code. It tries yaws from 0 to π including both ends, which are the same
 //! grasp; here the six yaws are distinct. And it draws points until one is acceptable; here the last is used after
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_points_six_hands_share_origin_and_approach_and_touch_what_a_camera_sees() {
+    fn a_points_six_grasps_share_origin_and_approach_and_touch_what_a_camera_sees() {
         let config = Config::load(None, Overrides::default()).unwrap();
         let solid = Solid::new(ShapeKind::Cylinder, Vec3::new(0.05, 0.05, 0.07)).unwrap();
         let objects = [

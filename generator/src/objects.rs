@@ -8,8 +8,8 @@ use crate::config::ObjectParams;
 /// How often an object is drawn that is too wide; a catalogue may have no other.
 const DRAWS_MAX: usize = 1_000;
 
-/// Draws the objects of a scene and the pose at which each is released. A hand that spans `span_m` can grasp each in
-/// any pose, if there are such objects. They are released over a rectangle with sides `room_m`. `attempt` counts the
+/// Draws the objects of a scene and the pose at which each is released. A gripper that spans `span_m` can grasp each
+/// in any pose, if there are such objects. They are released over a rectangle with sides `room_m`. `attempt` counts the
 /// tries at this scene, from 0.
 #[must_use]
 pub fn draw_drops(
@@ -46,7 +46,7 @@ pub(crate) fn draw_spanned<T>(span_m: f32, mut draw: impl FnMut() -> T, width_m:
     drawn
 }
 
-/// The second longest side of the part of which it is shortest, in metres: whichever way that part lies, a hand from
+/// The second longest side of the part of which it is shortest, in metres: whichever way that part lies, a gripper from
 /// above can span it if it opens wider.
 pub(crate) fn middle_width_m(body: &Body) -> f32 {
     let width_m = |part: &Polyhedron| {
@@ -107,7 +107,7 @@ mod tests {
     use crate::config::{Sampler, Shares};
     use crate::{Config, Overrides, make_scene};
 
-    /// Of how many of 40 scenes a hand that opens 50 mm spans two sides of every object.
+    /// Of how many of 40 scenes a gripper that opens 50 mm spans two sides of every object.
     fn spanned(spanned_share: f32) -> usize {
         let judge =
             Document::parse(include_str!("../../configs/generate/judge.toml"), Path::new("judge.toml")).unwrap();
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_share_of_the_scenes_has_only_what_the_hand_spans() {
+    fn a_share_of_the_scenes_has_only_what_the_gripper_spans() {
         let [none, half, all] = [0.0, 0.5, 1.0].map(spanned);
         assert!(none < 8 && (14..=28).contains(&half) && all == 40, "{none}, {half}, {all}");
     }

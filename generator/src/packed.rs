@@ -19,7 +19,7 @@ const TRIES_MAX: u32 = 1_000;
 const MARGIN_M: f32 = 0.08;
 
 /// Draws `count` objects of a packed scene and their positions within the container, if there is one; fewer if some
-/// found none in many tries. A hand that spans `span_m` can grasp each, if there are such objects.
+/// found none in many tries. A gripper that spans `span_m` can grasp each, if there are such objects.
 #[must_use]
 pub fn draw_packed(
     objects: &ObjectParams,

@@ -1,4 +1,4 @@
-//! The judge whose best hands a dataset executes: on-policy data.
+//! The judge whose best grasps a dataset executes: on-policy data.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ impl Policy {
     /// The judge, prepared.
     ///
     /// # Errors
-    /// If these are another network's weights, or those of a judge of another hand or grid.
+    /// If these are another network's weights, or those of a judge of another gripper or grid.
     pub(crate) fn judge(&self, gripper: &Gripper, grid: &Grid) -> Result<Judge, Failure> {
         Judge::new(&self.checkpoint, gripper, grid)
     }

@@ -8,8 +8,8 @@ const FRAME_RATE_HZ: f32 = 60.0;
 /// Displayed duration of the approach; the gate itself simulates no time.
 const APPROACH_TIME_S: f32 = 0.6;
 
-/// Names of the boxes of the hand.
-pub const HAND: [&str; 5] =
+/// Names of the boxes of the gripper.
+pub const BOX_NAMES: [&str; 5] =
     ["left finger", "right finger", "palm", "left finger behind its tip", "right finger behind its tip"];
 
 /// What happened in an attempt, for whoever shows it.
@@ -21,7 +21,7 @@ pub struct Recording {
     pub events: Vec<Event>,
     /// Where bodies touched.
     pub contacts: Vec<Touch>,
-    /// What the gate tested, if it stopped the hand.
+    /// What the gate tested, if it stopped the gripper.
     pub blocked: Option<Blocked>,
 }
 
@@ -32,7 +32,7 @@ pub struct Frame {
     pub time_s: f32,
     /// Of the objects.
     pub objects: Vec<Pose>,
-    /// Of the boxes of the open hand.
+    /// Of the boxes of the open gripper.
     pub gripper: [Pose; 3],
 }
 
@@ -71,14 +71,14 @@ pub struct Touch {
     pub points_m: Vec<Vec3>,
 }
 
-/// What stopped the hand on its way.
+/// What stopped the gripper on its way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Blocked {
-    /// What was hit, by which part of the hand, and when.
+    /// What was hit, by which part of the gripper, and when.
     pub label: String,
     /// Where.
     pub point_m: Vec3,
-    /// The boxes that the gate tested, in the frame of the grasp: the open hand or its sweep, with the clearance.
+    /// The boxes that the gate tested, in the frame of the grasp: the open gripper or its sweep, with the clearance.
     pub boxes: Vec<GripperBox>,
 }
 
@@ -93,7 +93,7 @@ pub(crate) struct Recorder<'a> {
     at_rest: Vec<Pose>,
     pub(crate) recording: Recording,
     phase: Option<Phase>,
-    /// Time at which the open hand was at the grasp, and the step of the last frame since then.
+    /// Time at which the open gripper was at the grasp, and the step of the last frame since then.
     grasp_time_s: f32,
     shot_steps: Option<usize>,
     /// The last step that was seen.
@@ -125,7 +125,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Adds frames of the open hand moving from the pre-grasp to the grasp or what stops it.
+    /// Adds frames of the open gripper moving from the pre-grasp to the grasp or what stops it.
     pub(crate) fn approach(&mut self, obstruction: Option<&Obstruction>) {
         let distance_m = self.pregrasp_distance_m;
         let travel_m = obstruction.map_or(distance_m, |obstruction| obstruction.travel_m);
@@ -155,8 +155,8 @@ impl<'a> Recorder<'a> {
         for step in (stride..=steps).step_by(stride) {
             let closed_m = self.gripper.closing_speed_m_s / self.step_rate_hz * step as f32;
             let moved = |inward: f32| self.workspace_from_grasp * Pose::from_translation(Vec3::Y * (inward * closed_m));
-            let hand = [moved(1.0), moved(-1.0), self.workspace_from_grasp];
-            self.still(self.grasp_time_s + step as f32 / self.step_rate_hz, hand);
+            let boxes = [moved(1.0), moved(-1.0), self.workspace_from_grasp];
+            self.still(self.grasp_time_s + step as f32 / self.step_rate_hz, boxes);
         }
     }
 
@@ -164,8 +164,8 @@ impl<'a> Recorder<'a> {
         ((self.step_rate_hz / FRAME_RATE_HZ).ceil() as usize).max(1)
     }
 
-    fn still(&mut self, time_s: f32, hand: [Pose; 3]) {
-        self.recording.frames.push(Frame { time_s, objects: self.at_rest.clone(), hand });
+    fn still(&mut self, time_s: f32, gripper: [Pose; 3]) {
+        self.recording.frames.push(Frame { time_s, objects: self.at_rest.clone(), gripper });
     }
 
     /// Adds a frame, unless the last frame was of the same step.
@@ -260,7 +260,7 @@ fn blocked(gripper: &Gripper, distance_m: f32, obstruction: &Obstruction) -> Blo
         (None, HitKind::Container) => "the container".to_owned(),
         (None, _) => "the table".to_owned(),
     };
-    let (part, clearance_mm) = (HAND[obstruction.part], gripper.clearance_m * 1000.0);
+    let (part, clearance_mm) = (BOX_NAMES[obstruction.part], gripper.clearance_m * 1000.0);
     let is_before = obstruction.outcome == Outcome::PregraspCollision;
     let when = if is_before {
         "already before the approach".to_owned()
@@ -300,19 +300,19 @@ fn describe_event(event: &AttemptEvent) -> String {
         AttemptEvent::Pushed { object_id, moved_m } => {
             format!("closing pushed object {object_id} by {}, more than the limit", mm(*moved_m))
         }
-        AttemptEvent::NearContainer => "the hand came too close to the container".to_owned(),
+        AttemptEvent::NearContainer => "the gripper came too close to the container".to_owned(),
         AttemptEvent::NearTable => "a finger ended too close to the table".to_owned(),
         AttemptEvent::RidesAlong { rest_m } => format!(
-            "the target moves with the hand, everything else rests and the way is free: the lift ends {} early",
+            "the target moves with the gripper, everything else rests and the way is free: the lift ends {} early",
             mm(*rest_m)
         ),
         AttemptEvent::JawsMetLifting { width_m } => format!("the jaws have met while lifting, at {}", mm(*width_m)),
         AttemptEvent::LeftBehind { travel_m, travel_m_min } => {
-            format!("the target moved {} with the hand; at least {} are required", mm(*travel_m), mm(*travel_m_min))
+            format!("the target moved {} with the gripper; at least {} are required", mm(*travel_m), mm(*travel_m_min))
         }
-        AttemptEvent::NotGripped => "the target moved with the hand, but not both fingers press on it".to_owned(),
+        AttemptEvent::NotGripped => "the target moved with the gripper, but not both fingers press on it".to_owned(),
         AttemptEvent::Gripped { travel_m } => {
-            format!("the target moved {} with the hand, and both fingers press on it", mm(*travel_m))
+            format!("the target moved {} with the gripper, and both fingers press on it", mm(*travel_m))
         }
         AttemptEvent::Raised { object_id, raised_m } => {
             format!("the lift raised object {object_id} by {}, more than the limit", mm(*raised_m))

@@ -50,9 +50,9 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
     let repeat_scene = |rows: &SceneRows| -> Vec<Difference> {
         let scene = Scene::from_records(info.grid.table_z_m, rows.scene.fixtures(&info.grid), &rows.objects, &bodies);
         let (scene_id, procedure) = (rows.scene.scene_id, &info.procedure);
-        let hand = info.gripper_of(scene_id);
-        let world = AttemptWorld::new(&physics, hand, procedure, &scene);
-        let repeats = Repeats::of_scene(robustness.as_ref(), info.seed, scene_id, &physics, hand, procedure, &scene);
+        let gripper = info.gripper_of(scene_id);
+        let world = AttemptWorld::new(&physics, gripper, procedure, &scene);
+        let repeats = Repeats::of_scene(robustness.as_ref(), info.seed, scene_id, &physics, gripper, procedure, &scene);
         let again = |row: &AttemptRecord| {
             let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
             let ends_so = if is_own_engine { is_as_stored(row, &now) } else { row.outcome == now.outcome };

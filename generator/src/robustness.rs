@@ -50,7 +50,7 @@ impl<'a> Repeats<'a> {
         seed: u64,
         scene_id: u64,
         physics: &'a Physics,
-        hand: &'a Gripper,
+        gripper: &'a Gripper,
         procedure: &'a Procedure,
         scene: &Scene,
     ) -> Option<Self> {
@@ -66,7 +66,7 @@ impl<'a> Repeats<'a> {
                 object.mass_kg *= density;
                 object.friction *= friction;
             }
-            AttemptWorld::new(physics, hand, procedure, &scene)
+            AttemptWorld::new(physics, gripper, procedure, &scene)
         };
         is_repeated.then(|| Self { params, seed, scene_id, worlds: pairs.map(world).collect() })
     }

@@ -18,7 +18,7 @@ pub static PHYSICS: Physics = Physics::STANDARD;
 /// See [`PHYSICS`].
 pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0001, ..Procedure::PAPER };
 
-/// The six directions of the hand's axes, out of the hand first.
+/// The six directions of the gripper's axes, out of the gripper first.
 pub(super) fn sides() -> [Vec3; 6] {
     [Vec3::Z, Vec3::X, -Vec3::X, -Vec3::Z, Vec3::Y, -Vec3::Y]
 }

@@ -20,7 +20,7 @@ const DEPTH_M_MIN: f32 = 0.003;
 const ROOM_M: f32 = 0.001;
 /// VGN's: tips are between −ε and 1 + ε finger lengths behind a point.
 const DEPTH_SHARE: f32 = 0.1;
-/// Sides from which the open hand may try to come to two points.
+/// Sides from which the open gripper may try to come to two points.
 const APPROACHES: u32 = 6;
 /// The same where the question is whether it can come at all.
 const SIDES: u32 = 24;
@@ -72,8 +72,8 @@ impl Draw<'_> {
         self.surface.point([along, u, v])
     }
 
-    /// The points across from a point between which and it a hand can close: within the cones of both, and the open
-    /// hand is wider.
+    /// The points across from a point between which and it a gripper can close: within the cones of both, and the open
+    /// gripper is wider.
     fn pairs(&self, point: &SurfacePoint, inwards: Vec3) -> Vec<SurfacePoint> {
         let bears = |normal: Vec3, direction: Vec3| {
             let along = normal.dot(direction);
@@ -88,8 +88,8 @@ impl Draw<'_> {
         across
     }
 
-    /// A hand that closes along a direction about a point, from the first of so many sides from which it can come; the
-    /// `deep` share of the way in.
+    /// A grasp that closes along a direction about a point, from the first of so many sides from which the gripper can
+    /// come; the `deep` share of the way in.
     fn reached(&self, middle_m: Vec3, closing: Vec3, around: f32, deep: f32, sides: u32) -> Option<Pose> {
         let length_m = self.params.gripper.finger_length_m;
         (0..sides).find_map(|side| {
@@ -99,17 +99,17 @@ impl Draw<'_> {
             let most_m = length_m - self.world.stops_short_m(&deepest)? - ROOM_M;
             let depth_m = DEPTH_M_MIN + deep * (most_m - DEPTH_M_MIN);
             let pose = pose_from_parts(rotation, middle_m + approach * depth_m);
-            // Less deep, the hand comes from further back.
+            // Less deep, the gripper comes from further back.
             (most_m > DEPTH_M_MIN && self.world.is_reached(&pose)).then_some(pose)
         })
     }
 
-    /// Whether there is a point straight across from a point of the surface, for a hand to close on the two.
+    /// Whether there is a point straight across from a point of the surface, for a gripper to close on the two.
     pub(super) fn has_pair(&self, point: &SurfacePoint) -> bool {
         !self.pairs(point, -point.normal).is_empty()
     }
 
-    /// Whether a hand can come and do so.
+    /// Whether a gripper can come and do so.
     pub(super) fn is_graspable(&self, point: &SurfacePoint) -> bool {
         let inwards = -point.normal;
         let mut pairs = self.pairs(point, inwards).into_iter();
@@ -208,7 +208,7 @@ impl Drawn {
     }
 }
 
-/// The hand that closes along a direction, its approach turned about it.
+/// The orientation that closes along a direction, its approach turned about it.
 fn closing_along(closing: Vec3, angle_rad: f32) -> Quat {
     let start = if closing.z.abs() < 0.9 { Vec3::Z } else { Vec3::X };
     let x = closing.cross(start).normalize();
@@ -221,7 +221,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hand_that_closes_along_a_direction_does_so_from_every_side() {
+    fn a_gripper_that_closes_along_a_direction_does_so_from_every_side() {
         for closing in [Vec3::X, -Vec3::Z, Vec3::new(0.3, -0.5, 0.7).normalize()] {
             for turn in 0..7 {
                 let rotation = closing_along(closing, turn as f32);

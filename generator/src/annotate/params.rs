@@ -19,7 +19,7 @@ pub struct GraspShares {
 /// Settings of the annotation of objects.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AnnotateParams {
-    /// The hand.
+    /// The gripper.
     pub gripper: Gripper,
     /// Grasps of an object: tried, or with `is_held_only` held.
     pub grasps: usize,

@@ -1,4 +1,4 @@
-//! Grasps of an object alone, executed again to be shown. The hand stands still, where it is among the object's
+//! Grasps of an object alone, executed again to be shown. The gripper stands still, where it is among the object's
 //! grasps, and the object is seen from it.
 
 use program::{ExitCode, Failure};
@@ -84,7 +84,7 @@ fn describe_load(load: &Load, [number, all]: [usize; 2]) -> String {
     let what = match load {
         Load::Pull { acceleration_m_s2, .. } => {
             let [x, y, z] = (*acceleration_m_s2 * (1.0 / G_M_S2)).to_array();
-            format!("pulled by {x:.1}, {y:.1}, {z:.1} g along x, y, z of the hand")
+            format!("pulled by {x:.1}, {y:.1}, {z:.1} g along x, y, z of the gripper")
         }
         Load::Shake(shake) => format!(
             "shaken by {:.0} mm, then turned by {:.1} rad, to and fro",
@@ -104,7 +104,7 @@ mod tests {
     use crate::{AnnotateParams, Annotated, annotate};
 
     #[test]
-    fn grasps_end_as_they_did_and_the_hand_stands_still_while_it_closes() {
+    fn grasps_end_as_they_did_and_the_gripper_stands_still_while_it_closes() {
         let cuboid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.08)).unwrap();
         let object = CatalogueObject { body: cuboid.into(), mass_kg: 0.2, friction: 0.6, origin_m: Vec3::ZERO };
         let origin_m = Vec3::new(0.5, -1.0, 2.0);

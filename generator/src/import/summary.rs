@@ -112,11 +112,11 @@ pub(super) fn warnings(object: &ImportedObject, measured: &Measured) -> Vec<Stri
 /// What is unusual about an object in scenes.
 pub(super) fn scene_warnings(object: &ImportedObject, config: &Config, measured: &Measured, drops: u32) -> Vec<String> {
     let mut warnings = Vec::new();
-    let opening_m = config.gripper.all().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max);
+    let opening_m = config.gripper.all().iter().map(|gripper| gripper.opening_m_max).fold(0.0, f32::max);
     if object.smallest_width_m >= f64::from(opening_m) {
         let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, opening_m * 1000.0);
         warnings.push(format!(
-            "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
+            "{width_mm:.1} mm at its narrowest, and the gripper opens {opening_mm:.1} mm: only a rim or a handle can be held"
         ));
     }
     let side_m = config.grid.size_m;

@@ -159,7 +159,7 @@ fn what_is_odd_about_a_mesh_is_said() {
     check_fails(&of("Cube.obj", "1"), 78, &["at most 10 m long, got 40 m", "--scale 0.001", "Cube.obj"]);
     assert!(!dir.path().join("odd.toml").exists());
     let large = check_ok(&of("Cube.obj", "0.05"));
-    for part in ["the hand opens 80.0 mm", "bounding box's diagonal"] {
+    for part in ["the gripper opens 80.0 mm", "bounding box's diagonal"] {
         assert!(large.contains(part), "{part}: {large}");
     }
     let (corners, triangles) = prism(&SQUARE, &SQUARE_CAP, 40.0);
