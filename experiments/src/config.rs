@@ -28,7 +28,7 @@ pub const REFERENCE: &str = include_str!("../../configs/experiment/pile.toml");
 pub struct Config {
     /// What its file holds.
     pub keys: Keys,
-    /// How scenes are made, hands close and cameras see: a generator's config.
+    /// How scenes are made, grippers close and cameras see: a generator's config.
     pub scene: generator::Config,
     /// Which objects, and how they come to lie.
     pub objects: Objects,
@@ -108,7 +108,7 @@ settings! {
     pub struct StopParams {
         /// So many failures in a row (VGN: 2).
         pub failures_max: u32 where 1..=1_000,
-        /// Whether the planner is told which hands failed since the last one that held, and avoids them. Otherwise the
+        /// Whether the planner is told which grasps failed since the last one that held, and avoids them. Otherwise the
         /// plan's next grasp is tried while the scene is as it was.
         pub avoid_failed: bool; or false,
         /// So many attempts in all.
@@ -147,7 +147,7 @@ settings! {
         pub frames: Frames; or Frames::Given,
         /// When a round ends.
         pub stop: StopParams,
-        /// What becomes of a hand that touches something on its way or moves another object.
+        /// What becomes of a gripper that touches something on its way or moves another object.
         pub touching: Touching; or Touching::Fails,
         /// Which grasp of a plan is executed.
         pub choice: Choice; or Choice::First,
@@ -169,17 +169,17 @@ settings! {
         pub catalogue: String,
         /// The catalogue's objects or sets, round after round the next.
         pub names: Vec<String>,
-        /// Whether placements that the hand cannot span are drawn anew.
+        /// Whether placements that the gripper cannot span are drawn anew.
         pub viable_only: bool,
     }
 }
 
 words! {
-    /// What becomes of a hand that touches something on its way, or moves another object.
+    /// What becomes of a gripper that touches something on its way, or moves another object.
     pub enum Touching {
         /// The attempt has failed: the label's contract.
         Fails = "fails",
-        /// The hand halts at the first touch and closes there, and may move other objects: rounds of VGN and GIGA.
+        /// The gripper halts at the first touch, closes there and may move other objects: rounds of VGN and GIGA.
         Halts = "halts",
     }
 }
@@ -200,7 +200,7 @@ words! {
         /// The first.
         First = "first",
         /// The first that will hold; without one the round ends. It shows what a planner that knew every outcome
-        /// would clear with the hands that it considers (with `plan.detection.quality_min=1e-6`).
+        /// would clear with the grasps that it considers (with `plan.detection.quality_min=1e-6`).
         Holds = "holds",
     }
 }

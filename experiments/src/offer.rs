@@ -16,13 +16,13 @@ pub struct Look<'a> {
     pub scene: &'a Scene,
     /// The images, with the cameras' poses in the workspace.
     pub views: Vec<View>,
-    /// Hands that failed, in the workspace; none like them is wanted.
+    /// Grasps that failed, in the workspace; none like them is wanted.
     pub failed: Vec<Pose>,
 }
 
 impl Look<'_> {
-    /// Puts cameras and hands into the frame that the planner knows. That frame in the workspace, if it is the first
-    /// camera's.
+    /// Puts cameras and failed grasps into the frame that the planner knows. That frame in the workspace, if it is the
+    /// first camera's.
     pub fn into_their_frame(&mut self) -> Option<Pose> {
         let first = self.views.first().filter(|_| self.config.keys.frames == Frames::Found)?;
         let workspace_from_first = first.camera.workspace_from_camera;
@@ -81,7 +81,7 @@ impl Look<'_> {
 pub struct Offer {
     /// The grasp, as this project has its axes, in the workspace.
     pub workspace_from_grasp: Pose,
-    /// How wide the hand is when it holds, or how far it opens, in metres.
+    /// How wide the gripper is when it holds, or how far it opens, in metres.
     pub width_m: f32,
     /// How sure the planner is.
     pub quality: f32,

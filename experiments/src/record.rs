@@ -36,7 +36,7 @@ pub struct Round {
     pub scene_id: u64,
     /// Kind of the scene.
     pub group: String,
-    /// Number of scenes redrawn because the hand cannot span an object.
+    /// Number of scenes redrawn because the gripper cannot span an object.
     pub unviable_count: u32,
     /// Objects at the beginning.
     pub object_count: u32,

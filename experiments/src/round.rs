@@ -2,7 +2,7 @@
 //! reached.
 //!
 //! This is what a robot cell would do, with three simplifications. A grasp whose way is blocked leaves the scene
-//! unchanged, because the hand stops at the first touch. A held object is removed immediately. If a failed grasp
+//! unchanged, because the gripper stops at the first touch. A held object is removed immediately. If a failed grasp
 //! changed nothing, so that the next plan would be equal, the next grasp of the same plan is tried.
 
 use std::time::Instant;
@@ -35,7 +35,7 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
     let none = || {
         let tries_max = config.scene.settle.tries_max;
         failed(format!(
-            "no scene: {tries_max} were rejected, or {UNVIABLE_MAX} had an object that the hand cannot span"
+            "no scene: {tries_max} were rejected, or {UNVIABLE_MAX} had an object that the gripper cannot span"
         ))
     };
     let Start { mut scene, group, unviable_count } = began.ok_or_else(none)?;
@@ -55,7 +55,7 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
     // The number of changes of the scene, and the grasps of its plan that were tried. An unchanged scene gives the same
     // observation.
     let (mut look, mut tried) = (0, 0);
-    let (mut failures, mut failed_hands) = (0, Vec::new());
+    let (mut failures, mut failed_grasps) = (0, Vec::new());
     played.ending = loop {
         if scene.objects.is_empty() {
             break Ending::Cleared;
@@ -67,7 +67,7 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
             break Ending::AttemptsMax;
         }
         let mut noise = Stream::new(seed, scene_id, Purpose::DepthNoise, look);
-        let (attempt, left) = match try_once(config, planner, &scene, &failed_hands, &mut noise, tried) {
+        let (attempt, left) = match try_once(config, planner, &scene, &failed_grasps, &mut noise, tried) {
             Ok(Some(tried)) => tried,
             Ok(None) => break Ending::NoGrasp,
             Err(NoPlan::Refused(error)) => return Err(failed(error_chain(&error))),
@@ -80,9 +80,9 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
         played.removed_count += u32::from(is_held);
         failures = if is_held { 0 } else { failures + 1 };
         if is_held {
-            failed_hands.clear();
+            failed_grasps.clear();
         } else if config.keys.stop.avoid_failed {
-            failed_hands.push(attempt.workspace_from_grasp);
+            failed_grasps.push(attempt.workspace_from_grasp);
         }
         played.attempts.push(attempt);
         if !is_held && left == scene.objects {

@@ -7,7 +7,7 @@ use simulator::{Scene, SceneObject, Settled, Unsettled, settle, settle_again};
 use crate::catalogue::CatalogueObject;
 use crate::config::{Config, Objects};
 
-/// Most scenes of a round with an object that the hand cannot span: 100 rounds of five objects for a hand that opens
+/// Most scenes of a round with an object that the gripper cannot span: 100 rounds of five objects for one that opens
 /// 50 mm met 23 of them a round, and 108 in one.
 pub(crate) const UNVIABLE_MAX: u32 = 10_000;
 
@@ -18,7 +18,7 @@ pub struct Start {
     pub scene: Scene,
     /// Kind of the scene: "pile", "packed", or the catalogue's name of the set.
     pub group: String,
-    /// Number of rejected scenes with an object that the hand cannot span.
+    /// Number of rejected scenes with an object that the gripper cannot span.
     pub unviable_count: u32,
 }
 
@@ -75,7 +75,7 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
     }
 }
 
-/// Whether a hand from above can span some part of the object along some horizontal direction.
+/// Whether a gripper from above can span some part of the object along some horizontal direction.
 fn is_viable(config: &Config, object: &SceneObject) -> bool {
     let gripper = &config.plan.gripper;
     let width_m = |part: &Polyhedron, degrees: u16| {
@@ -121,9 +121,9 @@ mod tests {
         assert!(unviable > starts / 4, "{unviable}");
     }
 
-    /// Scenes that the hand cannot span are no fault of the physics, so there may be many more of them.
+    /// Scenes that the gripper cannot span are no fault of the physics, so there may be many more of them.
     #[test]
-    fn a_small_hand_finds_a_pile_that_it_spans() {
+    fn a_small_gripper_finds_a_pile_that_it_spans() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/experiment/pile.toml");
         let document = Document::parse(include_str!("../../configs/experiment/pile.toml"), &path).unwrap();
         let set = [("objects.viable_only", "true"), ("plan.gripper", "slim_jaw_50")];
