@@ -28,7 +28,7 @@ fn integrate_one_view(bencher: divan::Bencher<'_, '_>) {
     bencher.bench_local(|| tsdf.integrate(divan::black_box(&camera), |pixel| image.at(pixel)));
 }
 
-/// Three such views, as a plan fuses them, for the judge and for its hands.
+/// Three such views, as a plan fuses them, for the judge and for its grasp candidates.
 #[divan::bench(args = [40, 120])]
 fn fuse_three_images(bencher: divan::Bencher<'_, '_>, resolution: usize) {
     let (camera, image) = table_view();
