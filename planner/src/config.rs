@@ -20,7 +20,7 @@ words! {
     #[derive(Deserialize)]
     #[serde(rename_all = "kebab-case")]
     pub enum BuiltIn {
-        /// A judge answers for proposed hands: the default.
+        /// A judge answers for grasp candidates: the default.
         Judge = "judge",
         /// The paper's network and its ranking.
         Paper = "paper",
@@ -60,8 +60,9 @@ settings! {
     pub struct Config {
         /// Seed of what is drawn.
         pub seed: u64,
-        /// The hand.
-        pub gripper: Gripper; by Gripper::read_named as "a hand's name, a path that ends in .toml, or what such a file has",
+        /// The gripper.
+        pub gripper: Gripper; by Gripper::read_named as
+            "a gripper's name, a path that ends in .toml, or what such a file has",
         /// The network: which kind it must be, and which weights are used if no others are given.
         pub network: BuiltIn; or BuiltIn::Paper,
         /// From the network's volumes to detections.
@@ -76,7 +77,7 @@ settings! {
         pub ranking: RankingParams,
         /// Collision check of the approach.
         pub collision: CollisionParams,
-        /// Which hands a judge is asked about.
+        /// Which grasp candidates a judge is asked about.
         pub judge: JudgeParams; or JudgeParams::STANDARD,
     }
 }
@@ -85,19 +86,19 @@ settings! {
 const REACH_M: [f32; 3] = [1.2, 1.2, 0.5];
 
 settings! {
-    /// How a judge is asked; for networks that answer for hands.
+    /// How a judge is asked; for networks that answer for grasp candidates.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct JudgeParams {
-        /// Number of hands that are proposed.
+        /// Number of grasp candidates that are proposed.
         pub proposals: usize where 1..=100_000,
         /// Of these the judge is asked about so many, which a quick look finds likeliest to hold; about all where it is
         /// left out.
         #[serde(skip_serializing_if = "Option::is_none")]
         pub asked: Option<usize> where 1..=100_000; or None,
-        /// Of hands whose tips are nearer to each other than this, only the best is kept.
+        /// Of grasps whose tips are nearer to each other than this, only the best is kept.
         pub apart_m: f32 where 0.0..=0.3,
-        /// Hands touch what was seen in a box of these sides on the table, in metres: x, y and the height. Its middle
-        /// is that of the network's workspace.
+        /// Grasp candidates touch what was seen in a box of these sides on the table, in metres: x, y and the height.
+        /// Its middle is that of the network's workspace.
         pub reach_m: [f32; 3] where 0.1..=3.0; or REACH_M,
     }
 }
@@ -111,8 +112,8 @@ settings! {
     /// How the surface becomes points.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct CloudParams {
-        /// Voxels along 0.3 m of the grid that depth images are fused on for it, beside the network's; a judge's hands
-        /// are fitted to it, too.
+        /// Voxels along 0.3 m of the grid that depth images are fused on for it, beside the network's; the
+        /// grasp candidates of a judge are fitted to it, too.
         pub resolution: usize where 8..=200,
         /// Distance between its points.
         pub pitch_m: f32 where 5e-4..=0.1,
@@ -155,7 +156,7 @@ words! {
     pub enum ClosingBy {
         /// The network.
         Predicted = "predicted",
-        /// What was seen between the fingers: the hand is turned about the network's approach to where that is
+        /// What was seen between the fingers: the grasp is turned about the network's approach to where that is
         /// narrowest, and put in its middle. Grasps that close on nothing, or whose way is not free, are dropped.
         Observed = "seen",
     }
@@ -206,19 +207,20 @@ words! {
 }
 
 settings! {
-    /// When a hand's way is not free.
+    /// When a gripper's way is not free.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct CollisionParams {
         /// Whether to look at all.
         pub check: bool,
         /// How long the straight way is.
         pub pregrasp_distance_m: f32 where 0.0..=1.0,
-        /// How much wider than the hand and its clearance the way must be: clouds are smoother than what they show.
+        /// How much wider than the gripper and its clearance the way must be: clouds are smoother than what they
+        /// show.
         pub margin_m: f32 where 0.0..=0.05,
         /// Points that may be in the way.
         pub points_max: usize where 0..=1_000_000,
-        /// Whether hands keep off the walls of a bin, a tray or a shelf, if such walls are found: they close on none
-        /// and touch none on their way in and out.
+        /// Whether the gripper keeps off the walls of a bin, a tray or a shelf, if such walls are found: it closes on
+        /// none and touches none on its way in and out.
         #[serde(skip_serializing_if = "std::ops::Not::not")]
         pub walls: bool; or false,
     }

@@ -1,4 +1,4 @@
-//! The hand at a grasp: which of its two orientations is nearer to the wrist, and whether its way is free.
+//! The gripper at a grasp: which of its two orientations is nearer to the wrist, and whether its way is free.
 
 use schema::{Gripper, GripperBox, Pose, Quat, Vec3, pose_from_parts};
 
@@ -15,8 +15,8 @@ pub fn nearer_half_turn(rotation: Quat, workspace_from_wrist: Quat) -> Quat {
     if nearness(turned) > nearness(rotation) { turned } else { rotation }
 }
 
-/// The default wrist orientation: the hand straight down, its x along the workspace's (VGN turns its hand so that the
-/// camera on it looks forward).
+/// The default wrist orientation: the gripper straight down, its x along the workspace's (VGN turns its gripper so that
+/// the camera on it looks forward).
 pub const WRIST_DOWN: Quat = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
 
 /// Boxes in the grasp frame in which points are counted.
@@ -29,7 +29,7 @@ pub struct GripperVolume {
 }
 
 impl GripperVolume {
-    /// What the open hand sweeps on its way to a grasp, with its clearance: the same sweep decides the labels
+    /// What the open gripper sweeps on its way to a grasp, with its clearance: the same sweep decides the labels
     /// (`simulator`'s gate).
     #[must_use]
     pub fn swept(gripper: &Gripper, params: &CollisionParams) -> Self {
@@ -45,7 +45,7 @@ impl GripperVolume {
         Self { boxes, middle_m: 0.5 * (low + high), radius_m: 0.5 * (high - low).length() }
     }
 
-    /// The number of points in it if the hand is at a grasp.
+    /// The number of points in it if the gripper is at a grasp.
     #[must_use]
     pub fn points_inside(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
         let middle_m = *workspace_from_grasp * self.middle_m;
@@ -75,11 +75,11 @@ pub(crate) fn towards_wrist(workspace_from_grasp: &Pose, workspace_from_wrist: Q
     pose_from_parts(rotation, workspace_from_grasp.translation)
 }
 
-/// Hands whose tips are within this of each other, turned by no more than that, are alike.
+/// Grasps whose tips are within this of each other, turned by no more than that, are alike.
 const ALIKE_M: f32 = 0.01;
 const ALIKE_RAD: f32 = core::f32::consts::FRAC_PI_6;
 
-/// Whether two hands are nearly the same: their tips within 10 mm, their axes within 30°, half turns apart or not.
+/// Whether two grasps are nearly the same: their tips within 10 mm, their axes within 30°, half turns apart or not.
 #[must_use]
 pub fn are_alike(one: &Pose, other: &Pose) -> bool {
     let rotation = nearer_half_turn(one.rotation, other.rotation);
@@ -96,7 +96,7 @@ mod tests {
     use crate::BuiltIn;
 
     #[test]
-    fn hands_are_alike_up_to_a_centimetre_thirty_degrees_and_a_half_turn() {
+    fn grasps_are_alike_up_to_a_centimetre_thirty_degrees_and_a_half_turn() {
         let down = Pose::from_parts(Vec3::new(0.1, 0.1, 0.1), WRIST_DOWN);
         let moved = |y_m: f32, turn_rad: f32| {
             Pose::from_parts(down.translation + Vec3::Y * y_m, axis_angle(Vec3::X, turn_rad) * down.rotation)
@@ -150,7 +150,7 @@ mod tests {
         assert_eq!(at([0.0, in_finger, 0.01]), 0, "below a finger");
         assert_eq!(at([0.0, in_finger, -0.09]), 1, "where a finger passes");
         assert_eq!(at([0.0, 0.0, -config.gripper.finger_length_m - 0.01]), 1, "in the palm");
-        assert_eq!(at([0.1, 0.0, -0.01]), 0, "beside the hand");
+        assert_eq!(at([0.1, 0.0, -0.01]), 0, "beside the gripper");
     }
 
     proptest! {

@@ -33,23 +33,24 @@ impl Method for Judge {
     ) -> Candidates {
         let Request { config, options, limiter, widths } = *request;
         let mut stream = Stream::new(config.seed, scene, Purpose::Proposals, 0);
-        // As it is offered: of a hand and its half turn the one nearer to the wrist.
+        // As it is offered: of a grasp and its half turn the one nearer to the wrist.
         let wrist = options.wrist();
         let failed_m: Vec<Vec3> = options.avoid.iter().map(|failed| failed.translation).collect();
-        let (about_m, centred) = (limiter.about_m(), |hand: &Grasp| widths.centred(hand));
+        let (about_m, centred) = (limiter.about_m(), |grasp: &Grasp| widths.centred(grasp));
         let JudgeParams { proposals, asked, apart_m, .. } = config.judge;
         let asked = asked.unwrap_or(proposals);
-        // Hands whose tips are nearer to each other than this close on the same thing: it is no wider than they open.
+        // Grasps whose tips are nearer to each other than this close on the same thing: it is no wider than the gripper
+        // opens.
         let other_m = 0.5 * config.gripper.opening_m_max;
         let mut ask = |off_m: &[Vec3]| {
-            let are_wanted = |hands: &[Grasp]| {
-                let offered = |hand: &Grasp| towards_wrist(&hand.workspace_from_grasp, wrist);
-                let broken = limiter.broken(&hands.iter().map(offered).collect::<Vec<_>>());
-                let is_off = |hand: &Grasp| {
-                    let tips_m = hand.workspace_from_grasp.translation;
+            let are_wanted = |candidates: &[Grasp]| {
+                let offered = |grasp: &Grasp| towards_wrist(&grasp.workspace_from_grasp, wrist);
+                let broken = limiter.broken(&candidates.iter().map(offered).collect::<Vec<_>>());
+                let is_off = |grasp: &Grasp| {
+                    let tips_m = grasp.workspace_from_grasp.translation;
                     off_m.iter().all(|failed_m| (tips_m - *failed_m).length() > other_m)
                 };
-                hands.iter().zip(broken).map(|(hand, broken)| broken.is_none() && is_off(hand)).collect()
+                candidates.iter().zip(broken).map(|(grasp, broken)| broken.is_none() && is_off(grasp)).collect()
             };
             let search =
                 Search { proposals, asked, apart_m, about_m: &about_m, are_wanted: &are_wanted, better: &centred };
@@ -57,8 +58,8 @@ impl Method for Judge {
         };
         let epsilon = config.detection.quality_min;
         let (judged, proposed) = timed(timings_ms, "judge", || {
-            // In a container the next hand is for another thing, if there is one: this one is heavy, slippery, or held
-            // by what nobody sees, and a second hand on it likely fails, too.
+            // In a container the next grasp is of another thing, if there is one: this one is heavy, slippery, or held
+            // by what nobody sees, and a second grasp of it likely fails, too.
             let off_m = if limiter.is_in_container() { &failed_m[..] } else { &[] };
             let others = ask(off_m);
             let is_enough = off_m.is_empty() || others.0.first().is_some_and(|best| best.quality() >= epsilon);
@@ -74,11 +75,11 @@ impl Method for Judge {
     }
 }
 
-/// Of judged hands, best first, and of so many proposed ones, those that reach ε and are apart from better ones.
-fn selected(hands: &[ScoredGrasp], proposed: usize, request: &Request<'_>) -> Candidates {
+/// Of judged grasps, best first, and of so many proposed ones, those that reach ε and are apart from better ones.
+fn selected(scored: &[ScoredGrasp], proposed: usize, request: &Request<'_>) -> Candidates {
     let (epsilon, apart_m) = (request.config.detection.quality_min, request.config.judge.apart_m);
     let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&ScoredGrasp>::new(), Vec::new(), 0);
-    for judged in hands {
+    for judged in scored {
         let pose = towards_wrist(&judged.grasp.workspace_from_grasp, request.options.wrist());
         let grasp =
             RankedGrasp { robustness: judged.robustness, ..RankedGrasp::new(pose, None, judged.quality(), None) };
@@ -102,16 +103,16 @@ fn selected(hands: &[ScoredGrasp], proposed: usize, request: &Request<'_>) -> Ca
             }
         }
     }
-    let best = hands.first().map_or(0.0, ScoredGrasp::quality);
-    let no_numbers = hands.iter().filter(|judged| judged.quality().is_nan()).count();
+    let best = scored.first().map_or(0.0, ScoredGrasp::quality);
+    let no_numbers = scored.iter().filter(|judged| judged.quality().is_nan()).count();
     let none_reached = if no_numbers > 0 {
-        format!("of {} answers of the network {no_numbers} are not numbers: are its weights damaged?", hands.len())
+        format!("of {} answers of the network {no_numbers} are not numbers: are its weights damaged?", scored.len())
     } else {
         request.none_good_enough(best)
     };
     let stages = vec![
         Stage::new("proposed", proposed, request.none_proposed()),
-        Stage::new("judged", hands.len(), request.none_proposed()),
+        Stage::new("judged", scored.len(), request.none_proposed()),
         Stage::new("quality_reached", reached, none_reached),
     ];
     Candidates { grasps, dropped, stages }

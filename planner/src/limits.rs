@@ -1,4 +1,4 @@
-//! Which grasps are wanted: of what, from where, and where the hand may be.
+//! Which grasps are wanted: of what, from where, and where the gripper may be.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -19,12 +19,12 @@ const TARGET_NEAR_M: f32 = 0.05;
 const TARGET_POINT_M: f32 = 0.006;
 /// Points no higher than this over the table belong to no object.
 const TABLE_M: f32 = 0.004;
-/// A hand leaves as it came, over this distance, and hits a wall if it meets more of its points: they are noisy.
+/// A gripper leaves as it came, over this distance, and hits a wall if it meets more of its points: they are noisy.
 const WAY_OUT_M: f32 = 0.1;
 const WALL_POINTS_MAX: usize = 5;
 /// What is further from all that was seen of a wall is a part of it that things hide.
 const FACE_M: f32 = 0.008;
-/// Hands are proposed about no more points than this.
+/// Grasps are proposed about no more points than this.
 const ABOUT_MAX: usize = 400;
 /// What is between the fingers reaches this far beyond the tips and beside the fingers.
 const BETWEEN_MARGIN_M: f32 = 0.002;
@@ -35,13 +35,13 @@ pub type WillDo<'a> = dyn Fn(&[Pose]) -> Vec<bool> + Sync + 'a;
 /// Limits, ready to be held against grasps; it counts what they refuse.
 pub(crate) struct Limiter<'a> {
     limits: &'a Limits,
-    /// The corners of the open hand at the grasp and before it, in the grasp frame.
+    /// The corners of the open gripper at the grasp and before it, in the grasp frame.
     corners_m: Vec<Vec3>,
     between_fingers: GripperVolume,
     /// Points of the surface off the table, sorted along x: the target's, and the others.
     target_m: Option<[Vec<Vec3>; 2]>,
     walls: Walls,
-    /// What a hand passes that leaves, and its corners.
+    /// What a leaving gripper passes, and its corners.
     way_out: GripperVolume,
     way_out_corners_m: Vec<Vec3>,
     /// Whether a camera looks at the fingers.
@@ -52,8 +52,8 @@ pub(crate) struct Limiter<'a> {
 }
 
 impl<'a> Limiter<'a> {
-    /// Limits for the hand of some settings. `target_m` has the surface's points that are the target's, and the others;
-    /// none if there is no target.
+    /// Limits for the gripper of some settings. `target_m` has the surface's points that are the target's, and the
+    /// others; none if there is no target.
     pub(crate) fn new(
         limits: &'a Limits,
         config: &Config,
@@ -72,7 +72,7 @@ impl<'a> Limiter<'a> {
             0.5 * (gripper.finger_length_m + BETWEEN_MARGIN_M),
         );
         let centre_m = Vec3::new(0.0, 0.0, BETWEEN_MARGIN_M - half_m.z);
-        // So that each hand looks at few of them.
+        // So that each grasp looks at few of them.
         let of_walls = [&mut walls.things_m, &mut walls.walls_m];
         for points_m in target_m.iter_mut().flatten().chain(of_walls) {
             points_m.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -171,7 +171,7 @@ impl<'a> Limiter<'a> {
     }
 }
 
-/// The corners of a part of a hand, in its frame.
+/// The corners of a part of a gripper, in the grasp frame.
 pub(crate) fn corners(part: &GripperBox) -> impl Iterator<Item = Vec3> + use<> {
     let GripperBox { centre_m, half_m } = *part;
     (0..8).map(move |corner| {
@@ -293,7 +293,7 @@ mod tests {
         let wall = |y_m: f32| Plane { normal: Vec3::Y, offset_m: y_m };
         let keep_out = |y_m: f32| Limits { keep_out: vec![wall(y_m)], ..Limits::default() };
         assert_eq!((broken(&keep_out(0.135), &down), broken(&keep_out(0.145), &down)), (None, Some(Limit::KeepOut)));
-        // Under a shelf: the hand comes from 50 mm behind.
+        // Under a shelf: the gripper comes from 50 mm behind.
         let shelf =
             |z_m: f32| Limits { keep_out: vec![Plane { normal: Vec3::NEG_Z, offset_m: -z_m }], ..Limits::default() };
         let config = BuiltIn::Judge.config().unwrap();

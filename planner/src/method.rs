@@ -55,7 +55,7 @@ impl Request<'_> {
 
     /// Why nothing was proposed.
     pub(crate) fn none_proposed(&self) -> String {
-        let counts = self.beyond_limits("no hand keeps the limits that were asked for: ", "");
+        let counts = self.beyond_limits("no grasp candidate keeps the limits that were asked for: ", "");
         if counts.is_empty() {
             "no collision-free grasp candidate was found on the observed surface".to_owned()
         } else {
@@ -77,7 +77,7 @@ impl Request<'_> {
         let limited = format!("are beyond the limits that were asked for{}", self.beyond_limits(" (", ")"));
         let parts = [
             (of(|reason| *reason == RejectReason::NoClosing), "close on nothing that was seen"),
-            (of(|reason| *reason == RejectReason::Avoided), "are like hands that failed"),
+            (of(|reason| *reason == RejectReason::Avoided), "are like grasps that failed"),
             (of(|reason| matches!(reason, RejectReason::Limited { .. })), &limited),
         ];
         let parts = parts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));

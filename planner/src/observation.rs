@@ -107,8 +107,8 @@ pub struct PlanOptions {
     pub find_table: Option<FindTable>,
     /// The workspace in the robot's base frame: grasps are given there, too.
     pub base_from_workspace: Option<Pose>,
-    /// The wrist's orientation now, in the workspace (hand axes as a grasp's); of a grasp and its half turn the nearer
-    /// one is given.
+    /// The wrist's orientation now, in the workspace (gripper axes as a grasp's); of a grasp and its half turn the
+    /// nearer one is given.
     pub workspace_from_wrist: Option<Quat>,
     /// Overrides the config's ranking.
     pub policy: Option<crate::Policy>,
@@ -118,8 +118,8 @@ pub struct PlanOptions {
     pub grasps_max: Option<usize>,
     /// Whether to list dropped candidates with reasons.
     pub explain: bool,
-    /// Hands that failed, in the workspace or, where the table is found, in the first camera's frame: none like them is
-    /// offered.
+    /// Grasps that failed, in the workspace or, where the table is found, in the first camera's frame: none like them
+    /// is offered.
     pub avoid: Vec<Pose>,
     /// Which grasps are wanted.
     pub limits: Limits,
@@ -131,7 +131,7 @@ impl PlanOptions {
         self.workspace_from_wrist.unwrap_or(WRIST_DOWN)
     }
 
-    /// The options where the table was found: failed hands and a target's points were given in the first camera's
+    /// The options where the table was found: failed grasps and a target's points were given in the first camera's
     /// frame, and the base's may be known by it.
     pub(crate) fn seen_from(&self, workspace_from_first: Pose) -> Self {
         let avoid = self.avoid.iter().map(|failed| workspace_from_first * *failed).collect();
@@ -176,7 +176,7 @@ impl FindTable {
 pub struct Limits {
     /// The approach is within an angle of a direction.
     pub approach: Option<Cone>,
-    /// The open hand, from pre-grasp to grasp, stays on the side of each plane to which its normal points.
+    /// The open gripper, from pre-grasp to grasp, stays on the side of each plane to which its normal points.
     pub keep_out: Vec<Plane>,
     /// The tips' middle is within a box: its lower and upper corner, in metres.
     pub reach_m: Option<[Vec3; 2]>,

@@ -27,7 +27,7 @@ pub struct RankedGrasp {
     /// The grasp in the robot's base frame; null if `base_from_workspace` was not given.
     #[serde(serialize_with = "pose")]
     pub base_from_grasp: Option<Pose>,
-    /// The robot's flange at the grasp, in the workspace; null if the hand's file has no `flange_from_grasp`.
+    /// The robot's flange at the grasp, in the workspace; null if the gripper's file has no `flange_from_grasp`.
     #[serde(serialize_with = "pose")]
     pub workspace_from_flange: Option<Pose>,
     /// The robot's flange at the grasp, in the robot's base frame; null if either is not known.
@@ -38,8 +38,8 @@ pub struct RankedGrasp {
     pub width_m: Option<f32>,
     /// Share of the ends of what is between the fingers, at all heights, that were seen; null if nothing was measured.
     pub width_seen_share: Option<f32>,
-    /// How far to open the hand, in metres: for what is between the fingers and some room; all the way where that is
-    /// unknown.
+    /// How far to open the gripper, in metres: for what is between the fingers and some room; all the way where that
+    /// is unknown.
     pub opening_m: f32,
     /// Grasp quality, smoothed, between 0 and 1.
     pub quality: f32,
@@ -141,7 +141,7 @@ words! {
     pub enum Limit {
         /// It comes from another direction.
         Approach = "approach",
-        /// The hand would be beyond a plane.
+        /// The gripper would be beyond a plane.
         KeepOut = "keep_out",
         /// The tips would be outside the box.
         Reach = "reach",
@@ -177,16 +177,16 @@ pub enum RejectReason {
     NotANumber,
     /// A neighbour within the suppression window is better.
     Suppressed,
-    /// It is like a hand that failed.
+    /// It is like a grasp that failed.
     Avoided,
     /// It breaks a limit of the request.
     Limited {
         /// Which.
         limit: Limit,
     },
-    /// The hand would pass through this many points of the cloud on its way.
+    /// The gripper would pass through this many points of the cloud on its way.
     Collision {
-        /// Points inside the swept hand.
+        /// Points inside what the gripper sweeps.
         points: usize,
     },
     /// No turn about its approach closes on what was seen by a free way.
@@ -210,10 +210,10 @@ impl RejectReason {
             }
             Self::NotANumber => ("not_a_number", "the network's answer is not a number".into()),
             Self::Suppressed => ("suppressed", "a better grasp is near".into()),
-            Self::Avoided => ("avoided", "like a hand that failed".into()),
+            Self::Avoided => ("avoided", "like a grasp that failed".into()),
             Self::Limited { limit } => ("limited", format!("the request does not allow it: {}", limit.name())),
             Self::Collision { points } => {
-                ("collision", format!("the hand would pass through {points} points of the cloud"))
+                ("collision", format!("the gripper would pass through {points} points of the cloud"))
             }
             Self::NoClosing => {
                 ("no_closing", "no turn about its approach closes on what was seen by a free way".into())
@@ -258,7 +258,7 @@ impl DroppedCandidate {
 /// The number of candidates left after each stage, in their order. The stages are those of the network's method: of one
 /// that answers for voxels `voxels`, `near_surface`, `width_within_limits`, `quality_reached` and `detections`, of a
 /// judge `proposed`, `judged` and `quality_reached`; then `found` (closed on something where the settings ask for it,
-/// apart from better ones, unlike hands that failed, within the limits of the request), `collision_free` (all, if
+/// apart from better ones, unlike grasps that failed, within the limits of the request), `collision_free` (all, if
 /// collisions were not checked) and `ranked`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Funnel(pub Vec<(&'static str, usize)>);
@@ -346,9 +346,9 @@ pub struct Plan {
     pub model: String,
     /// The order of the grasps: `paper`, `vgn-random` or `vgn-best`.
     pub policy: Policy,
-    /// Name of the hand.
+    /// Name of the gripper.
     pub gripper: String,
-    /// The grasp frame in the frame of the robot's flange, as the hand's file says; null if it does not.
+    /// The grasp frame in the frame of the robot's flange, as the gripper's file says; null if it does not.
     #[serde(serialize_with = "pose")]
     pub flange_from_grasp: Option<Pose>,
     /// The part of the workspace in which grasps were looked for.

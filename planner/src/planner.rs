@@ -27,7 +27,7 @@ use crate::width::Widths;
 /// A network's file, and its path in the source tree.
 type Weights = (&'static [u8], &'static str);
 
-/// The built-in networks for some settings: one for a single hand, and one for those that it does not answer for.
+/// The built-in networks for some settings: one for a single gripper, and one for those that it does not answer for.
 fn weights(named: BuiltIn) -> (Weights, Option<Weights>) {
     match named {
         BuiltIn::Judge => (
@@ -41,14 +41,14 @@ fn weights(named: BuiltIn) -> (Weights, Option<Weights>) {
     }
 }
 
-/// The warning if another hand is asked for than the one that a built-in network's settings have, for which alone it
+/// The warning if another gripper is asked for than the one that a built-in network's settings have, for which alone it
 /// was trained.
-fn other_hand(config: &Config) -> Result<Option<String>, Failure> {
+fn other_gripper(config: &Config) -> Result<Option<String>, Failure> {
     let own = config.network.config()?.gripper;
     let (network, name, given) = (config.network.name(), &own.name, &config.gripper.name);
     Ok((own.numbers() != config.gripper.numbers()).then(|| {
         format!(
-            "the network {network} was trained for the hand {name}, not for {given}: its widths and qualities are those of {name}"
+            "the network {network} was trained for the gripper {name}, not for {given}: its widths and qualities are those of {name}"
         )
     }))
 }
@@ -83,10 +83,10 @@ impl Planners {
         Self { own, named: [const { OnceLock::new() }; BuiltIn::ALL.len()] }
     }
 
-    /// The planner of a request. Its hand is always that of the own planner.
+    /// The planner of a request. Its gripper is always that of the own planner.
     ///
     /// # Errors
-    /// If the named settings' network was not trained for that hand.
+    /// If the named settings' network was not trained for that gripper.
     pub fn of(&self, named: Option<BuiltIn>) -> Result<&Planner, InputError> {
         let Some(named) = named else { return Ok(&self.own) };
         let make = || {
@@ -107,13 +107,13 @@ impl Planner {
         Self::from_bytes(&read_file(model)?, model, config)
     }
 
-    /// A planner with the weights that come with the program for these settings and this hand (`models/`).
+    /// A planner with the weights that come with the program for these settings and this gripper (`models/`).
     ///
     /// # Errors
-    /// If no judge was trained for the settings' hand.
+    /// If no judge was trained for the settings' gripper.
     pub fn built_in(config: Config) -> Result<Self, Failure> {
         let (own, others) = weights(config.network);
-        let warning = if others.is_none() { other_hand(&config)? } else { None };
+        let warning = if others.is_none() { other_gripper(&config)? } else { None };
         let of = |(file, path): Weights| Self::from_bytes(file, Path::new(path), config.clone());
         let made = of(own).or_else(|why| others.map_or(Err(why), of))?;
         Ok(Self { warning, ..made })
@@ -121,7 +121,7 @@ impl Planner {
 
     fn from_bytes(file: &[u8], path: &Path, mut config: Config) -> Result<Self, Failure> {
         // Judges learned with fingers that are as thick at their tips, and their grasps are better where such are asked
-        // about: beside rims a hand with thin tips may stand where it presses on one side only.
+        // about: beside rims a gripper with thin tips may stand where it presses on one side only.
         config.gripper.finger_tip = None;
         let checkpoint = checkpoint::from_bytes(file, path)?;
         let (needed, got) = (config.network.network_kind(), checkpoint.architecture.kind());
@@ -148,8 +148,8 @@ impl Planner {
         self.plan_with(observation, options, &|poses| vec![true; poses.len()])
     }
 
-    /// The same with a limit of the caller's: whether grasps, in the workspace, will do. A judge is asked about no hand
-    /// that will not, and proposes more where few are left.
+    /// The same with a limit of the caller's: whether grasps, in the workspace, will do. A judge is asked about no
+    /// grasp that will not, and proposes more where few are left.
     ///
     /// # Errors
     /// As [`Self::plan`].
@@ -244,7 +244,7 @@ impl Planner {
                 (points > collision.points_max).then_some(RejectReason::Collision { points })
             });
         }
-        candidates.end_stage("collision_free", format!("the hand's way is blocked for all {found} detections"));
+        candidates.end_stage("collision_free", format!("the gripper's way is blocked for all {found} detections"));
         let policy = options.policy.unwrap_or(self.config.ranking.policy);
         rank::attribute(&mut candidates.grasps, &cloud, &objects, &self.config.ranking);
         let Candidates { mut grasps, mut dropped, mut stages } = candidates;

@@ -8,7 +8,7 @@ use schema::{Stream, Vec3};
 use crate::config::{Policy, RankingParams};
 use crate::plan::{ObjectCluster, RankedGrasp, SegmentedCloud};
 
-/// A grasp whose width was seen goes before one that is this much surer: a hand can then be opened to fit.
+/// A grasp whose width was seen goes before one that is this much surer: a gripper can then be opened to fit.
 const AS_SURE: f32 = 0.02;
 
 /// Eq. 8: the distance to the object's centroid, weighted by axis, over the quality; in metres.

@@ -10,13 +10,13 @@ const CELL_M: f32 = 0.02;
 const THING_M: f32 = 0.01;
 /// Fewest pixels or points of a thing in a cell.
 const POINTS_MIN: u16 = 3;
-/// Things beyond reach are seen this far away, because a hand may touch them.
+/// Things beyond reach are seen this far away, because a gripper may touch them.
 const BEYOND_M: f32 = 0.25;
 /// The field reaches this far beyond things, and the table's top this far below.
 const MARGIN_M: f32 = 0.1;
 const BELOW_M: f32 = 0.05;
 
-/// The box in which hands may touch something, and the voxels around it.
+/// The box in which a gripper may touch something, and the voxels around it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Region {
     /// Its lower and upper corner in the workspace, in metres.
@@ -106,7 +106,7 @@ impl Things {
             (0..2).all(|axis| (low_m[axis] - more_m..high_m[axis] + more_m).contains(&at[axis]))
         };
         let [first_m, last_m] = self.bounds_m(|at| is_within(at, 0.0))?;
-        // What a hand may touch beyond.
+        // What a gripper may touch beyond.
         let near = |at: Vec3| {
             let is_beside = (0..2).all(|axis| (first_m[axis] - BEYOND_M..last_m[axis] + BEYOND_M).contains(&at[axis]));
             is_beside && is_within(at, BEYOND_M)

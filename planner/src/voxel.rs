@@ -73,8 +73,8 @@ impl Method for VoxelMethod {
         }
         candidates
             .drop_where(|ranked| request.is_avoided(&ranked.workspace_from_grasp).then_some(RejectReason::Avoided));
-        let hands: Vec<Pose> = candidates.grasps.iter().map(|ranked| ranked.workspace_from_grasp).collect();
-        let mut broken = request.limiter.broken(&hands).into_iter();
+        let poses: Vec<Pose> = candidates.grasps.iter().map(|ranked| ranked.workspace_from_grasp).collect();
+        let mut broken = request.limiter.broken(&poses).into_iter();
         candidates.drop_where(|_| broken.next().flatten().map(|limit| RejectReason::Limited { limit }));
         let none = request.none_found(&candidates.dropped, detections);
         candidates.end_stage("found", none);
@@ -103,18 +103,18 @@ impl VoxelMethod {
     }
 }
 
-/// Closes each hand on what was seen; grasps of which none closes are dropped.
+/// Closes each grasp on what was seen; those that close on nothing are dropped.
 fn close(candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<'_>) {
     let Config { gripper, collision, .. } = request.config;
     let things = cloud.points_m.iter().zip(&cloud.labels).filter(|(_, label)| **label != PointLabel::Plane);
     let closer = Closer::new(gripper, collision, &cloud.points_m, things.map(|(point, _)| *point).collect());
-    let hands: Vec<Option<Grasp>> =
+    let closed: Vec<Option<Grasp>> =
         candidates.grasps.par_iter().map(|ranked| closer.closed(&ranked.workspace_from_grasp)).collect();
-    let mut hands = hands.into_iter();
+    let mut closed = closed.into_iter();
     candidates.drop_where(|ranked| {
-        let Some(hand) = hands.next().flatten() else { return Some(RejectReason::NoClosing) };
-        ranked.workspace_from_grasp = towards_wrist(&hand.workspace_from_grasp, request.options.wrist());
-        ranked.width_m = Some(hand.width_m);
+        let Some(grasp) = closed.next().flatten() else { return Some(RejectReason::NoClosing) };
+        ranked.workspace_from_grasp = towards_wrist(&grasp.workspace_from_grasp, request.options.wrist());
+        ranked.width_m = Some(grasp.width_m);
         None
     });
 }

@@ -1,4 +1,4 @@
-//! How wide is what a hand closes on: measured on what was seen between its fingers, or unknown.
+//! How wide is what a gripper closes on: measured on what was seen between its fingers, or unknown.
 
 use core::ops::Range;
 
@@ -41,10 +41,10 @@ pub(crate) struct Widths<'a> {
     gripper: &'a Gripper,
 }
 
-/// What a hand has between its fingers.
+/// What a gripper has between its fingers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Between {
-    /// From the lower to the upper end along the closing direction, from the hand's middle.
+    /// From the lower to the upper end along the closing direction, from the gripper's middle.
     ends_m: [f32; 2],
     /// Whether the ends were seen as such.
     are_seen: [bool; 2],
@@ -60,16 +60,16 @@ impl<'a> Widths<'a> {
         Self { views, cameras, rays_x: views.iter().map(of_view).collect(), table_z_m, gripper }
     }
 
-    /// The hand with what it closes on in its middle, if both ends of that were seen.
-    pub(crate) fn centred(&self, hand: &Grasp) -> Option<Grasp> {
-        let between = self.between(&hand.workspace_from_grasp).filter(|between| between.are_seen == [true; 2])?;
+    /// The grasp with what it closes on in its middle, if both ends of that were seen.
+    pub(crate) fn centred(&self, grasp: &Grasp) -> Option<Grasp> {
+        let between = self.between(&grasp.workspace_from_grasp).filter(|between| between.are_seen == [true; 2])?;
         let off = Vec3::new(0.0, 0.5 * between.ends_m.iter().sum::<f32>(), 0.0);
-        let mut workspace_from_grasp = hand.workspace_from_grasp;
+        let mut workspace_from_grasp = grasp.workspace_from_grasp;
         workspace_from_grasp.translation += workspace_from_grasp.rotation * off;
-        Some(Grasp { workspace_from_grasp, ..*hand })
+        Some(Grasp { workspace_from_grasp, ..*grasp })
     }
 
-    /// Whether a hand's fingers would close where no camera looks.
+    /// Whether the fingers would close where no camera looks.
     pub(crate) fn is_out_of_sight(&self, workspace_from_grasp: &Pose) -> bool {
         let fingers = self.gripper.fingers(self.gripper.opening_m_max);
         let ends = fingers.iter().flat_map(|finger| {
@@ -85,7 +85,7 @@ impl<'a> Widths<'a> {
         !self.views.is_empty() && !ends.into_iter().all(is_seen)
     }
 
-    /// Sets how wide things are between hands and how far to open these, and measures what no network answered.
+    /// Sets how wide things between the fingers are and how far to open these, and measures what no network answered.
     pub(crate) fn measure(&self, grasps: &mut [RankedGrasp]) {
         let gripper = self.gripper;
         grasps.par_iter_mut().for_each(|grasp| {
@@ -116,7 +116,7 @@ impl<'a> Widths<'a> {
             let Some(own_m) = ends(points.iter().map(|at| at.y), ROW_MIN) else { continue };
             for end in 0..2 {
                 let outwards = Vec3::new(0.0, [-1.0, 1.0][end], 0.0);
-                // The middle of the end: beside it the hand may reach beyond a corner of the thing.
+                // The middle of the end: beside it the gripper may reach beyond a corner of the thing.
                 let last = points.iter().filter(|at| (at.y - own_m[end]).abs() <= END_M);
                 let (sum, last) = last.fold((Vec3::ZERO, 0), |(sum, count), at| (sum + *at, count + 1));
                 let at_m = (sum / last.max(1) as f32).with_y(own_m[end]);
@@ -136,7 +136,7 @@ impl<'a> Widths<'a> {
         (count > 0).then(|| Between { ends_m, are_seen, seen_share: seen as f32 / count as f32 })
     }
 
-    /// The images' points of things between the fingers of an open hand, in its frame.
+    /// The images' points of things between the fingers of the open gripper, in the grasp frame.
     fn points_between(&self, workspace_from_grasp: &Pose) -> Vec<Vec3> {
         let gripper = self.gripper;
         let half_m = 0.5 * Vec3::new(gripper.finger_width_m, gripper.opening_m_max, gripper.finger_length_m);
@@ -207,9 +207,9 @@ fn shadow(
 /// The range of nothing.
 const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
-/// What is looked for in the pixels onto which the box between a hand's fingers falls.
+/// What is looked for in the pixels onto which the box between the fingers falls.
 struct Sought {
-    /// From the camera's frame to the hand's.
+    /// From the camera's frame to the grasp frame.
     turn: Mat3,
     from_m: Vec3,
     /// To the workspace's, of which the height counts.
@@ -217,7 +217,7 @@ struct Sought {
     eye_z_m: f32,
     /// The nearest and the farthest depth of the box.
     depth_m: [f32; 2],
-    /// Half of its sides; in the hand's frame it ends at the tips.
+    /// Half of its sides; in the grasp frame it ends at the tips.
     half_m: Vec3,
     /// Lower than this is the table.
     above_m: f32,
@@ -295,7 +295,7 @@ impl Between {
         self.ends_m[1] - self.ends_m[0]
     }
 
-    /// How far the hand must open about it; all the way where an end was not seen.
+    /// How far the gripper must open about it; all the way where an end was not seen.
     fn opening_m(&self, gripper: &Gripper) -> f32 {
         let reach_m = self.ends_m.iter().fold(0.0_f32, |reach_m, end_m| reach_m.max(end_m.abs()));
         let needed_m = if self.are_seen == [true; 2] { 2.0 * (reach_m + room_m(gripper)) } else { f32::INFINITY };
@@ -331,8 +331,8 @@ mod tests {
         View::new(image, camera)
     }
 
-    /// A hand from above over the box, its tips 30 mm deep, that closes along x or along y.
-    fn hand(along_y: bool, off_m: f32) -> Pose {
+    /// A grasp from above over the box, its tips 30 mm deep, that closes along x or along y.
+    fn down(along_y: bool, off_m: f32) -> Pose {
         let turn = schema::axis_angle(Vec3::Z, if along_y { 0.0 } else { core::f32::consts::FRAC_PI_2 });
         let rotation = WRIST_DOWN * turn;
         pose_from_parts(rotation, Vec3::new(0.15, 0.15, 0.1) + rotation * Vec3::Y * off_m)
@@ -350,21 +350,21 @@ mod tests {
     fn a_width_is_told_where_both_of_its_ends_were_seen_and_is_unknown_elsewhere() {
         let gripper = BuiltIn::Judge.config().unwrap().gripper;
         for eye_m in [Vec3::new(0.15, 0.15, 0.7), Vec3::new(0.15, -0.3, 0.5)] {
-            let across = measured(&[view(eye_m)], hand(false, 0.004));
+            let across = measured(&[view(eye_m)], down(false, 0.004));
             assert!((across.width_m.unwrap() - 0.06).abs() < 0.002, "{eye_m}: {across:?}");
-            // Open about what is 4 mm beside the hand's middle.
+            // Open about what is 4 mm beside the gripper's middle.
             let room_m = across.opening_m - (0.06 + 2.0 * 0.004);
             assert!((0.005..0.016).contains(&room_m) && across.width_seen_share > Some(0.2), "{across:?}");
         }
-        // Longer than the hand opens: neither end is between the fingers, so nothing is known.
-        let along = measured(&[view(Vec3::new(0.15, 0.15, 0.7))], hand(true, 0.0));
+        // Longer than the gripper opens: neither end is between the fingers, so nothing is known.
+        let along = measured(&[view(Vec3::new(0.15, 0.15, 0.7))], down(true, 0.0));
         assert_eq!((along.width_m, along.opening_m), (None, gripper.opening_m_max), "{along:?}");
         // From the side, low: the far face is hidden by the near one.
-        let beside = measured(&[view(Vec3::new(-0.4, 0.15, 0.11))], hand(false, 0.0));
+        let beside = measured(&[view(Vec3::new(-0.4, 0.15, 0.11))], down(false, 0.0));
         assert_eq!((beside.width_m, beside.opening_m), (None, gripper.opening_m_max), "{beside:?}");
-        let both = measured(&[view(Vec3::new(-0.4, 0.15, 0.11)), view(Vec3::new(0.7, 0.15, 0.11))], hand(false, 0.0));
+        let both = measured(&[view(Vec3::new(-0.4, 0.15, 0.11)), view(Vec3::new(0.7, 0.15, 0.11))], down(false, 0.0));
         assert!((both.width_m.unwrap() - 0.06).abs() < 0.002, "{both:?}");
-        let nowhere = measured(&[], hand(false, 0.0));
+        let nowhere = measured(&[], down(false, 0.0));
         assert_eq!((nowhere.width_m, nowhere.width_seen_share, nowhere.opening_m), (None, None, gripper.opening_m_max));
     }
 
@@ -373,11 +373,11 @@ mod tests {
         let gripper = BuiltIn::Judge.config().unwrap().gripper;
         let views = [view(Vec3::new(0.15, -0.3, 0.5))];
         let widths = Widths::new(&views, 0.05, &gripper);
-        let off = Grasp { workspace_from_grasp: hand(false, 0.007), width_m: 0.05 };
+        let off = Grasp { workspace_from_grasp: down(false, 0.007), width_m: 0.05 };
         let centred = widths.centred(&off).unwrap().workspace_from_grasp;
         assert!((centred.translation.x - 0.15).abs() < 0.001, "{centred:?}");
         assert!((centred.translation - off.workspace_from_grasp.translation).length() < 0.0085, "{centred:?}");
-        assert_eq!(widths.centred(&Grasp { workspace_from_grasp: hand(true, 0.0), width_m: 0.05 }), None);
+        assert_eq!(widths.centred(&Grasp { workspace_from_grasp: down(true, 0.0), width_m: 0.05 }), None);
     }
 
     #[test]
@@ -385,7 +385,7 @@ mod tests {
         let gripper = BuiltIn::Judge.config().unwrap().gripper;
         let mut near = view(Vec3::new(0.15, 0.15, 0.7));
         let all = [near.clone()];
-        let pose = hand(false, 0.0);
+        let pose = down(false, 0.0);
         assert!(!Widths::new(&all, 0.05, &gripper).is_out_of_sight(&pose));
         // Only the left half of the image.
         near.camera.intrinsics.width_px = 330;

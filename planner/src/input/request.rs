@@ -20,9 +20,9 @@ use crate::{BuiltIn, Policy};
 pub(crate) const VIEWS_MAX: usize = 32;
 /// Maximum number of viewpoints of a cloud.
 const EYES_MAX: usize = 32;
-/// Maximum number of hands to avoid, and of things.
+/// Maximum number of grasps to avoid, and of things.
 const AVOID_MAX: usize = 256;
-/// Maximum number of planes that keep the hand out.
+/// Maximum number of planes that keep the gripper out.
 const KEEP_OUT_MAX: usize = 64;
 
 /// A request for a plan: exactly one of `views`, `tsdf` and `cloud`, and options.
@@ -73,7 +73,7 @@ pub struct RequestInput {
     pub grasps_max: Option<usize>,
     /// Whether to list dropped candidates with reasons.
     pub explain: Option<bool>,
-    /// Hands that failed, at most 256: the `workspace_from_grasp` of grasps of earlier plans or, where the table is
+    /// Grasps that failed, at most 256: the `workspace_from_grasp` of grasps of earlier plans or, where the table is
     /// found, their `camera_from_grasp`. No grasp is offered whose tips are within 10 mm and whose axes are within
     /// 30° of one of them.
     #[serde(default, deserialize_with = "at_most::<_, _, AVOID_MAX>")]
@@ -88,8 +88,9 @@ pub struct RequestInput {
     pub target_m: Option<[f64; 3]>,
     /// Only grasps that approach within an angle of a direction.
     pub approach: Option<ConeInput>,
-    /// Planes that the open hand does not cross on its way, at most 64: each a normal x, y, z, which points to where
-    /// the hand may be, and its offset in metres, in the workspace. The hand stays where normal · x ≥ offset.
+    /// Planes that the open gripper does not cross on its way, at most 64: each a normal x, y, z, which points to
+    /// where the gripper may be, and its offset in metres, in the workspace. The gripper stays where
+    /// normal · x ≥ offset.
     #[serde(default, deserialize_with = "rows::<_, 4, KEEP_OUT_MAX>")]
     pub keep_out: Option<Vec<[f64; 4]>>,
     /// Only grasps whose tips are within this box of the workspace.

@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use crate::Planner;
 use crate::config::Config;
 
-/// The program's version, SHA-256 of the network's weights file, the default order of grasps, the hand's name, the
-/// workspace, and the settings, with the keys of `configs/plan/*.toml`.
+/// The program's version, SHA-256 of the network's weights file, the default order of grasps, the gripper's name,
+/// the workspace, and the settings, with the keys of `configs/plan/*.toml`.
 pub(super) fn answer(planner: &Planner) -> Value {
     let Planner { model_id, config, grid, .. } = planner;
     let (size_m, table_z_m) = (written(&grid.size_m), written(&grid.table_z_m));

@@ -89,7 +89,7 @@ struct PredictGrasp {
     /// Null: parallel jaws have none.
     joint_angles: (),
     joint_names: (),
-    /// Where the hand goes, a unit vector.
+    /// Where the gripper goes, a unit vector.
     approach_axis: [f32; 3],
     /// 1: the object.
     object_id: u32,
@@ -100,7 +100,7 @@ pub(super) fn version() -> Value {
     json!({ "server_version": SERVER, "api_version": CONTRACT, "backend": BACKEND })
 }
 
-/// What a client must know: the hand, its frame and the limits of a request: `GET /config`.
+/// What a client must know: the gripper, its frame and the limits of a request: `GET /config`.
 pub(super) fn config(planner: &Planner, frame: GraspFrame) -> Value {
     let Gripper { name, opening_m_max, .. } = &planner.config.gripper;
     let frame_from_grasp = frame.grasp_from_frame().inverse();

@@ -1,7 +1,7 @@
 //! Beyond the paper: the closing direction by what was seen between the fingers.
 //!
 //! A box can be gripped across either pair of its sides, and one orientation a voxel is then often wrong about the
-//! closing direction by tens of degrees, where the approach is right to a few. So the hand is turned about the
+//! closing direction by tens of degrees, where the approach is right to a few. So the grasp is turned about the
 //! network's approach, to the turn at which what lies between the fingers is narrowest, and moved along its closing
 //! direction until that is in their middle, as the paper's rules have it (Appendix A: no offset along y).
 
@@ -25,7 +25,7 @@ const POINTS_MIN: usize = 16;
 /// What a turn by a radian costs, in metres of width: of equal widths the network's turn is the best.
 const TURN_COST_M: f32 = 0.005;
 
-/// What is needed to close a hand on a cloud.
+/// What is needed to close a gripper on a cloud.
 pub(crate) struct Closer<'a> {
     gripper: &'a Gripper,
     sweep: GripperVolume,
@@ -37,7 +37,7 @@ pub(crate) struct Closer<'a> {
 }
 
 impl<'a> Closer<'a> {
-    /// `things_m`: the points of the cloud on which a hand may close.
+    /// `things_m`: the points of the cloud on which a gripper may close.
     pub(crate) fn new(
         gripper: &'a Gripper,
         collision: &CollisionParams,
@@ -53,7 +53,7 @@ impl<'a> Closer<'a> {
         }
     }
 
-    /// The hand that closes on what was seen about a predicted one, by a free way.
+    /// The grasp that closes on what was seen about a predicted one, by a free way.
     pub(crate) fn closed(&self, predicted: &Pose) -> Option<Grasp> {
         let from_workspace = predicted.inverse();
         let reach_m = 0.5 * self.gripper.opening_m_max + GAP_M;
@@ -65,21 +65,21 @@ impl<'a> Closer<'a> {
             .collect();
         let turns: Vec<Option<Grasp>> =
             (-STEPS - 1..=STEPS + 1).map(|step| self.turned(predicted, &about, step as f32 * STEP_RAD)).collect();
-        let width_m = |turned: &Option<Grasp>| turned.map_or(f32::INFINITY, |hand| hand.width_m);
+        let width_m = |turned: &Option<Grasp>| turned.map_or(f32::INFINITY, |grasp| grasp.width_m);
         // Only where it is narrower than to either side: otherwise the narrowest turn may be the last before a corner.
         let narrowest = turns.windows(3).zip(-STEPS..).filter_map(|(turns, step)| {
             let [before, here, after] = [0, 1, 2].map(|at| width_m(&turns[at]));
             let cost_m = here + TURN_COST_M * (step as f32 * STEP_RAD).abs();
-            turns[1].filter(|_| here <= before && here <= after).map(|hand| (cost_m, hand))
+            turns[1].filter(|_| here <= before && here <= after).map(|grasp| (cost_m, grasp))
         });
-        let mut hands: Vec<(f32, Grasp)> = narrowest.collect();
-        hands.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut grasps: Vec<(f32, Grasp)> = narrowest.collect();
+        grasps.sort_by(|a, b| a.0.total_cmp(&b.0));
         let is_free =
-            |hand: &Grasp| self.sweep.points_inside(&hand.workspace_from_grasp, self.cloud_m) <= self.points_max;
-        hands.into_iter().map(|(_, hand)| hand).find(is_free)
+            |grasp: &Grasp| self.sweep.points_inside(&grasp.workspace_from_grasp, self.cloud_m) <= self.points_max;
+        grasps.into_iter().map(|(_, grasp)| grasp).find(is_free)
     }
 
-    /// The hand after a turn about its approach, with what it closes on in its middle.
+    /// The grasp after a turn about its approach, with what it closes on in its middle.
     fn turned(&self, predicted: &Pose, about: &[Vec3], turn_rad: f32) -> Option<Grasp> {
         let turn = axis_angle(Vec3::Z, turn_rad);
         let back = turn.inverse();
@@ -137,23 +137,23 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_is_turned_to_the_sides_of_a_box_and_put_in_its_middle() {
+    fn a_grasp_is_turned_to_the_sides_of_a_box_and_put_in_its_middle() {
         let things_m = box_m([0.1, 0.1], [0.06, 0.04, 0.05], 0.3);
         for turn_rad in [-0.9, -0.5, -0.31, -0.1, 0.3, 0.9] {
-            let hand = closed(&things_m, turn_rad, Vec3::new(0.004, -0.006, 0.0)).unwrap();
-            let closing = axis_angle(Vec3::Z, -0.3) * (hand.workspace_from_grasp.rotation * Vec3::Y);
+            let grasp = closed(&things_m, turn_rad, Vec3::new(0.004, -0.006, 0.0)).unwrap();
+            let closing = axis_angle(Vec3::Z, -0.3) * (grasp.workspace_from_grasp.rotation * Vec3::Y);
             let off_rad = libm::asinf(closing.x.abs().min(closing.y.abs()));
             assert!(off_rad < 0.06, "{turn_rad}: {off_rad}");
             let side_m = if closing.x.abs() > 0.5 { 0.06 } else { 0.04 };
-            assert!((hand.width_m - side_m).abs() < 0.003, "{turn_rad}: {}", hand.width_m);
-            let from_middle_m = (Vec3::new(0.1, 0.1, 0.03) - hand.workspace_from_grasp.translation)
-                .dot(hand.workspace_from_grasp.rotation * Vec3::Y);
+            assert!((grasp.width_m - side_m).abs() < 0.003, "{turn_rad}: {}", grasp.width_m);
+            let from_middle_m = (Vec3::new(0.1, 0.1, 0.03) - grasp.workspace_from_grasp.translation)
+                .dot(grasp.workspace_from_grasp.rotation * Vec3::Y);
             assert!(from_middle_m.abs() < 0.002, "{turn_rad}: {from_middle_m}");
         }
     }
 
     #[test]
-    fn what_no_hand_spans_or_what_is_not_there_has_none() {
+    fn what_no_gripper_spans_or_what_is_not_there_has_none() {
         assert!(closed(&box_m([0.1, 0.1], [0.1, 0.1, 0.05], 0.2), 0.1, Vec3::ZERO).is_none(), "too broad");
         assert!(closed(&box_m([0.2, 0.1], [0.04, 0.04, 0.05], 0.2), 0.1, Vec3::ZERO).is_none(), "beside it");
         let mut walled = box_m([0.1, 0.1], [0.04, 0.04, 0.05], 0.0);

@@ -47,7 +47,7 @@ const LISTED_SHARE_OF_QUALITY_MIN: f32 = 0.5;
 /// A side of the seen surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// In front of it, whence the hand comes.
+    /// In front of it, whence the gripper comes.
     Front,
     /// Behind it.
     Behind,

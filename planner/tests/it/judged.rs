@@ -1,4 +1,4 @@
-//! Plans of a judge: hands that it expects to hold, on the demo and on an empty table.
+//! Plans of a judge: grasps that it expects to hold, on the demo and on an empty table.
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ fn demo(planner: &Planner, threads: usize) -> Plan {
 }
 
 #[test]
-fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_others() {
+fn a_judge_gives_grasps_that_it_expects_to_hold_and_says_what_it_expects_of_others() {
     let config = config();
     let (epsilon, apart_m, proposals) = (config.detection.quality_min, config.judge.apart_m, config.judge.proposals);
     let asked = config.judge.asked.unwrap();
@@ -55,7 +55,7 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
     assert_eq!(plan.funnel.count("voxels"), None, "a judge is not asked about voxels");
     assert!(plan.grasps.iter().all(|ranked| ranked.voxel.is_none()));
     assert_eq!((plan.funnel.count("judged"), plan.grasps.len() + plan.dropped.len()), (Some(asked), asked));
-    // About hands all over the scene, not about the likeliest object alone.
+    // About grasps all over the scene, not about the likeliest object alone.
     assert!(plan.objects.len() > 2 && plan.grasps.iter().any(|ranked| ranked.object != plan.grasps[0].object));
     let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Quality { likeliest: Some((outcome, _)) } if outcome != Outcome::Held);
     let failed = plan.dropped.iter().find(failed).unwrap();
@@ -76,7 +76,7 @@ fn answers_that_are_not_numbers_are_no_grasps() {
 }
 
 #[test]
-fn hands_that_failed_are_not_offered_again() {
+fn grasps_that_failed_are_not_offered_again() {
     let planner = judge(config());
     let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
     let plan = |avoid: &[Pose]| {
@@ -84,24 +84,24 @@ fn hands_that_failed_are_not_offered_again() {
         planner.plan(&observation, &options).unwrap()
     };
     let mut failed: Vec<Pose> = Vec::new();
-    // Every hand of the demo fails, until none is left.
+    // Every grasp of the demo fails, until none is left.
     let last = loop {
         let answer = plan(&failed);
         let Some(best) = answer.grasps.first() else { break answer };
-        let again = |hand: &Pose| {
-            let turned = best.workspace_from_grasp.rotation.angle_between(hand.rotation);
-            (best.workspace_from_grasp.translation - hand.translation).length() < 0.01 && turned < 0.5
+        let again = |avoided: &Pose| {
+            let turned = best.workspace_from_grasp.rotation.angle_between(avoided.rotation);
+            (best.workspace_from_grasp.translation - avoided.translation).length() < 0.01 && turned < 0.5
         };
         assert!(!failed.iter().any(again), "{:?} after {failed:?}", best.workspace_from_grasp);
         failed.push(best.workspace_from_grasp);
     };
-    assert!(failed.len() > plan(&[]).grasps.len(), "avoided hands suppress none: {}", failed.len());
+    assert!(failed.len() > plan(&[]).grasps.len(), "avoided grasps suppress none: {}", failed.len());
     assert!(last.reason.is_some() && last.funnel.count("found") == Some(0));
     assert!(last.dropped.iter().any(|dropped| dropped.reason == RejectReason::Avoided && dropped.why == "avoided"));
 }
 
-/// Few proposals or many, a limit that none, some or all hands keep, an object that is or is not there, hands that
-/// failed, ε that none or some reach: the reason is always the first stage that nothing passed.
+/// Few proposals or many, a limit that none, some or all grasps keep, an object that is or is not there, grasps
+/// that failed, ε that none or some reach: the reason is always the first stage that nothing passed.
 #[test]
 fn the_reason_is_that_of_the_first_stage_that_nothing_passed() {
     let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
@@ -134,10 +134,10 @@ fn the_reason_is_that_of_the_first_stage_that_nothing_passed() {
                 let reason = answer.reason.unwrap_or_default();
                 let expected = match failed {
                     None => "",
-                    Some("proposed") if approach.is_some() || target.is_some() => "no hand keeps the limits",
+                    Some("proposed") if approach.is_some() || target.is_some() => "no grasp candidate keeps the limits",
                     Some("proposed") => "no collision-free grasp candidate",
                     Some("quality_reached") => "no grasp has a quality of",
-                    Some("found") => "like hands that failed",
+                    Some("found") => "like grasps that failed",
                     Some(other) => panic!("{other}: {reason}"),
                 };
                 assert!(reason.contains(expected) && reason.is_empty() == failed.is_none(), "{failed:?}: {reason}");
@@ -149,7 +149,7 @@ fn the_reason_is_that_of_the_first_stage_that_nothing_passed() {
 }
 
 #[test]
-fn an_empty_table_has_no_hands_and_says_so() {
+fn an_empty_table_has_no_grasps_and_says_so() {
     let grid = Grid::PAPER;
     let value = |flat: usize| {
         let tsdf = (grid.centre_m([flat / 1600, flat / 40 % 40, flat % 40]).z - grid.table_z_m) / 0.03;
@@ -162,7 +162,7 @@ fn an_empty_table_has_no_hands_and_says_so() {
 }
 
 #[test]
-fn a_judge_of_another_hand_is_refused_and_both_are_named() {
+fn a_judge_of_another_gripper_is_refused_and_both_are_named() {
     let mut config = config();
     config.gripper = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
     let error = Planner::new(&file("models/judge.safetensors"), config).unwrap_err();
@@ -172,7 +172,7 @@ fn a_judge_of_another_hand_is_refused_and_both_are_named() {
 }
 
 #[test]
-fn hands_without_a_judge_of_their_own_share_one_within_its_ranges() {
+fn grippers_without_a_judge_of_their_own_share_one_within_its_ranges() {
     let of = |gripper: Gripper| Planner::built_in(Config { gripper, ..config() });
     let models = Gripper::BUILT_IN.map(|(name, text)| (name, of(Gripper::from_toml(text).unwrap()).unwrap().model_id));
     let own = &models.iter().find(|(name, _)| *name == "parallel_jaw_80").unwrap().1;
@@ -184,7 +184,7 @@ fn hands_without_a_judge_of_their_own_share_one_within_its_ranges() {
 }
 
 #[test]
-fn a_network_of_voxels_says_that_it_was_trained_for_another_hand() {
+fn a_network_of_voxels_says_that_it_was_trained_for_another_gripper() {
     let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
     let warnings = |gripper: Option<Gripper>| {
         let paper = BuiltIn::Paper.config().unwrap();
@@ -208,7 +208,7 @@ fn weights_of_the_other_kind_are_refused_and_both_are_named() {
 }
 
 #[test]
-fn a_request_may_name_other_settings_and_keeps_the_planners_hand() {
+fn a_request_may_name_other_settings_and_keeps_the_planners_gripper() {
     let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
     let planners = Planners::new(judge(config()));
     let model = |named| {

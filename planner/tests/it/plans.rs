@@ -29,7 +29,7 @@ fn plan_with(planner: &Planner, observation: &Observation, options: &PlanOptions
     planner.plan(observation, options).unwrap()
 }
 
-/// The paper's own network, whose hand has its origin in the voxel that answers.
+/// The paper's own network, whose grasps have their origin in the voxel that answers.
 fn plain() -> Planner {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/paper-200k.safetensors");
     Planner::new(file.as_ref(), planner().config).unwrap()
@@ -124,7 +124,7 @@ fn a_grasp_is_given_in_the_base_frame_and_towards_the_wrist() {
 
 #[test]
 fn every_candidate_that_is_dropped_has_its_reason() {
-    // VGN's network leaves several hands of the demo.
+    // VGN's network leaves several grasps of the demo.
     let mut config = BuiltIn::Vgn.config().unwrap();
     config.detection.quality_min = 0.3;
     config.collision.points_max = 0;
