@@ -56,7 +56,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 
-    /// Weights of a judge, whose best hands are executed (shares.judged) [default: the config's]
+    /// Weights of a judge, whose best grasps are executed (shares.judged) [default: the config's]
     #[arg(long, value_name = "FILE")]
     policy: Option<PathBuf>,
 

@@ -78,7 +78,7 @@ Examples:
   graspmill generate --shards 64 --out grasps
   graspmill dataset verify grasps && graspmill dataset report grasps
   graspmill fit --data grasps --run runs/paper
-  graspmill pipeline my_hand.toml --out my-hand
+  graspmill pipeline my_gripper.toml --out my-gripper
   graspmill plan --demo --html demo.html
   graspmill experiment run configs/experiment/pile.toml --out runs/pile
 

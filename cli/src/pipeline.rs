@@ -28,7 +28,7 @@ use steps::{MANY_GRIPPERS, Objects, Pipeline, Views, is_known, must_answer_for};
 pub(crate) struct Arguments {
     /// The gripper: a built-in name, the path of a file that ends in .toml (docs/own-gripper.md), or any_jaw for a
     /// judge that serves every gripper within ranges.
-    hand: String,
+    gripper: String,
     /// The folder of datasets, weights, settings, evaluation, and README.md, the card of the weights.
     #[arg(long)]
     out: PathBuf,
@@ -42,8 +42,8 @@ pub(crate) struct Arguments {
     /// of docs/household-objects.md, of which a third is kept for a test.
     #[arg(long, value_name = "FILE")]
     objects: Option<PathBuf>,
-    /// Weights to begin with, of a judge that answers for the hand, or nothing [default: for a single hand the built-in
-    /// judge of many hands if it answers for it, else nothing].
+    /// Weights to begin with, of a judge that answers for the gripper, or nothing [default: for a single gripper the
+    /// built-in judge of many grippers if it answers for it, else nothing].
     #[arg(long, value_name = "FILE")]
     from: Option<PathBuf>,
     /// Seed of the first dataset.
@@ -56,22 +56,25 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let absolute = |path: &Path| std::path::absolute(path).context(format_args!("no path: {}", path.display()));
-    let is_file = arguments.hand.ends_with(".toml");
-    let hand =
-        if is_file { absolute(Path::new(&arguments.hand))?.display().to_string() } else { arguments.hand.clone() };
+    let is_file = arguments.gripper.ends_with(".toml");
+    let gripper = if is_file {
+        absolute(Path::new(&arguments.gripper))?.display().to_string()
+    } else {
+        arguments.gripper.clone()
+    };
     let out = absolute(&arguments.out)?;
     let built_in = out.join("from.safetensors");
     let from = match arguments.from.as_deref() {
         Some(word) if word == Path::new("nothing") => None,
         Some(file) => {
             let file = absolute(file)?;
-            must_answer_for(&checkpoint::read(&file)?, &hand)?;
+            must_answer_for(&checkpoint::read(&file)?, &gripper)?;
             Some(file)
         }
-        None => is_known(&hand)?.then(|| built_in.clone()),
+        None => is_known(&gripper)?.then(|| built_in.clone()),
     };
     let pipeline = Pipeline {
-        hand,
+        gripper,
         out,
         from,
         seed: arguments.seed,

@@ -23,7 +23,7 @@ pub(crate) struct NetworkArguments {
     #[arg(long, value_name = "NAME|FILE")]
     config: Option<PathBuf>,
 
-    /// The hand, in place of the settings': a built-in name, or the path of a file that ends in .toml
+    /// The gripper, in place of the settings': a built-in name, or the path of a file that ends in .toml
     #[arg(long, value_name = "NAME|FILE")]
     gripper: Option<String>,
 
@@ -37,8 +37,8 @@ impl NetworkArguments {
     pub(crate) fn planner(&self) -> Result<Planner, Failure> {
         start_threads(self.threads)?;
         let mut config = Config::load(self.config.as_deref())?;
-        if let Some(hand) = &self.gripper {
-            config.gripper = gripper::named(hand)?;
+        if let Some(named) = &self.gripper {
+            config.gripper = gripper::named(named)?;
         }
         Ok(match &self.model {
             Some(model) => Planner::new(model, config)?,

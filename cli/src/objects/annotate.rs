@@ -34,7 +34,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 
-    /// The hand: a built-in name, or the path of a file that ends in .toml (docs/own-gripper.md)
+    /// The gripper: a built-in name, or the path of a file that ends in .toml (docs/own-gripper.md)
     #[arg(long, value_name = "GRIPPER", default_value = "parallel_jaw_80")]
     gripper: String,
 
@@ -46,8 +46,8 @@ pub(crate) struct Arguments {
     #[arg(long)]
     held_only: bool,
 
-    /// What the object must bear in the hand: lift (its weight, under the hand), turn (its weight in six directions),
-    /// tug (GraspDataGen's pulls) or shake (as ACRONYM)
+    /// What the object must bear in the gripper: lift (its weight, under the gripper), turn (its weight in six
+    /// directions), tug (GraspDataGen's pulls) or shake (as ACRONYM)
     #[arg(long, default_value = "lift", value_parser = one_of!(GripTest))]
     test: GripTest,
 
@@ -273,7 +273,7 @@ fn document(infos: &[Value], left_out: &[LeftOut], out: &Path) -> Document {
     };
     let few = infos.iter().filter_map(|info| {
         let [made, wanted] = ["/grasps", "/settings/params/grasps"].map(|at| number(info, at));
-        let why = "the hand finds no more between two of its sides";
+        let why = "the gripper finds no more between two of its sides";
         (made < wanted).then(|| format!("{}: {made} grasps instead of {wanted}: {why}", name(info)))
     });
     let said = |info: &Value| {

@@ -37,7 +37,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = between(0.0..=1.0_f64))]
     rests_min: f64,
 
-    /// Config whose hand and workspace the objects must fit [default: the built-in configs/generate/paper.toml]
+    /// Config whose gripper and workspace the objects must fit [default: the built-in configs/generate/paper.toml]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 

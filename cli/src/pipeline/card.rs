@@ -15,7 +15,7 @@ use crate::experiment::page::share;
 /// If a result of a step cannot be read.
 pub(crate) fn card(pipeline: &Pipeline, steps: &[Step]) -> Result<String, Failure> {
     let row = |key: &str, value: String| vec![Cell::from(key), Cell::from(value)];
-    let mut about = Table::new(["", ""], [row("hand", pipeline.hand.clone())]);
+    let mut about = Table::new(["", ""], [row("gripper", pipeline.gripper.clone())]);
     about.rows.push(row("seen from", pipeline.views.name().to_owned()));
     about.rows.push(row("SHA-256 of judge.safetensors", checkpoint::read_digested(&pipeline.weights())?.1));
     let mut rounds = Table::new(["experiment", "grasps that held", "cleared"], []);
@@ -30,7 +30,7 @@ pub(crate) fn card(pipeline: &Pipeline, steps: &[Step]) -> Result<String, Failur
             rounds.rows.push(row.map(Cell::from).into());
         }
     }
-    let text = "Weights of a judge: they say of a hand in a scene how the attempt would end. Beside this file are its \
+    let text = "Weights of a judge: they say of a grasp in a scene how the attempt would end. Beside this file are its \
                 evaluation on attempts that it never saw, test-report/evaluation.md, and the experiments' pages.";
     let blocks = vec![
         Block::Text(text.to_owned()),
@@ -40,5 +40,5 @@ pub(crate) fn card(pipeline: &Pipeline, steps: &[Step]) -> Result<String, Failur
         Block::Heading("Made by".to_owned()),
         Block::Code("bash", steps.iter().map(|step| step.command() + "\n").collect()),
     ];
-    Ok(Document { title: "A judge of hands".to_owned(), blocks, ..Document::default() }.markdown())
+    Ok(Document { title: "A judge of grasps".to_owned(), blocks, ..Document::default() }.markdown())
 }

@@ -1,6 +1,6 @@
 //! From a gripper to a judge's weights: the steps, and what is written about them.
 //!
-//! For a hand that the judge of many hands answers for, one round of "plan, execute, train" (docs/judge.md): the
+//! For a gripper that the judge of many grippers answers for, one round of "plan, execute, train" (docs/judge.md): the
 //! dataset has some of that judge's choices, and training goes on from its weights. For others two rounds: the second
 //! dataset has some choices of the judge that learned from the first. Every step can be repeated at any time, because
 //! each program goes on where it was stopped; so a pipeline needs no state of its own.
@@ -26,7 +26,7 @@ const EXPERIMENTS: [(&str, &str); 4] = [
     ("bin", include_str!("../../../configs/experiment/bin.toml")),
 ];
 
-/// The judge of many hands, and its path in the source tree.
+/// The judge of many grippers, and its path in the source tree.
 pub(crate) const MANY_GRIPPERS: (&[u8], &str) =
     (include_bytes!("../../../models/judge-any-jaw.safetensors"), "models/judge-any-jaw.safetensors");
 
@@ -45,10 +45,10 @@ const TEST_ATTEMPTS: u64 = 60_000;
 /// Attempts of a scene in the generator's settings, and shards of a dataset, if it has so many scenes.
 const ATTEMPTS_PER_SCENE: u64 = 120;
 const SHARDS_MAX: u64 = 64;
-/// In three quarters of a round's scenes with choices lies what the hand can span. Of objects of all sizes, a hand that
-/// opens 40 mm holds a quarter as many as one of 100.
+/// In three quarters of a round's scenes with choices lies what the gripper can span. Of objects of all sizes, a
+/// gripper that opens 40 mm holds a quarter as many as one of 100.
 const SPANNED: &str = "spanned_share=0.75";
-/// In experiments lies what the hand can span.
+/// In experiments lies what the gripper can span.
 const VIABLE: &str = "objects.viable_only=true";
 /// Rounds of an experiment, on a seed that nothing is tuned on.
 pub(super) const ROUNDS: u32 = 100;
@@ -109,16 +109,16 @@ impl Step {
 /// What is wanted.
 #[derive(Debug)]
 pub(crate) struct Pipeline {
-    /// A hand's name, or the absolute path of its file.
-    pub(crate) hand: String,
+    /// A gripper's name, or the absolute path of its file.
+    pub(crate) gripper: String,
     /// The folder of all results.
     pub(crate) out: PathBuf,
     /// Seed of the first dataset; those of the others and of the experiments follow it.
     pub(crate) seed: u64,
     /// Attempts of all rounds.
     pub(crate) attempts: u64,
-    /// Weights of a judge that answers for the hand, by their absolute path: there is one round with its choices, and
-    /// training goes on from them. Without them there are two rounds, and training begins with random weights.
+    /// Weights of a judge that answers for the gripper, by their absolute path: there is one round with its choices,
+    /// and training goes on from them. Without them there are two rounds, and training begins with random weights.
     pub(crate) from: Option<PathBuf>,
     /// Where the cameras are.
     pub(crate) views: Views,
@@ -152,20 +152,20 @@ impl Pipeline {
         self.out.join("judge/best.safetensors")
     }
 
-    /// The hands on which experiments are run: the hand itself, or all built-in ones if it is a file of ranges.
+    /// The grippers with which experiments are run: the gripper itself, or all built-in ones if it is a file of ranges.
     ///
     /// # Errors
-    /// If there is no such hand.
-    pub(crate) fn tried_hands(&self) -> Result<Vec<String>, Failure> {
-        let one = || vec![self.hand.clone()];
-        let hands = hands(&self.hand)?;
-        Ok(hands.only().map_or_else(|| Gripper::BUILT_IN.map(|(name, _)| name.to_owned()).to_vec(), |_| one()))
+    /// If there is no such gripper.
+    pub(crate) fn tried_grippers(&self) -> Result<Vec<String>, Failure> {
+        let one = || vec![self.gripper.clone()];
+        let grippers = grippers(&self.gripper)?;
+        Ok(grippers.only().map_or_else(|| Gripper::BUILT_IN.map(|(name, _)| name.to_owned()).to_vec(), |_| one()))
     }
 
     /// The names and texts of the settings that the steps use.
     ///
     /// # Errors
-    /// If the hand's file cannot be read.
+    /// If the gripper's file cannot be read.
     pub(crate) fn settings(&self) -> Result<Vec<(String, String)>, Failure> {
         let mut files = vec![
             ("generate.toml".to_owned(), self.generate(None)?.to_string()),
@@ -177,10 +177,10 @@ impl Pipeline {
             files.push((TRIED.to_owned(), generate("held-out")?));
         }
         files.extend(EXPERIMENTS.map(|(name, text)| (format!("{name}.toml"), text.to_owned())));
-        for hand in self.tried_hands()? {
+        for gripper in self.tried_grippers()? {
             let mut plan = Document::parse(PLAN[0], Path::new(PLAN[1]))?;
-            plan.table_mut().insert("gripper".to_owned(), Value::String(hand.clone()));
-            files.push((format!("plan-{}.toml", short(&hand)), plan.table().to_string()));
+            plan.table_mut().insert("gripper".to_owned(), Value::String(gripper.clone()));
+            files.push((format!("plan-{}.toml", short(&gripper)), plan.table().to_string()));
         }
         Ok(files)
     }
@@ -189,7 +189,7 @@ impl Pipeline {
     fn generate(&self, catalogue: Option<Value>) -> Result<Table, Failure> {
         let mut document = Document::parse(GENERATE[0], Path::new(GENERATE[1]))?;
         let table = document.table_mut();
-        table.insert("gripper".to_owned(), Value::String(self.hand.clone()));
+        table.insert("gripper".to_owned(), Value::String(self.gripper.clone()));
         if let Some(kind) = self.views.view_kind(table) {
             table.insert("view_kinds".to_owned(), Value::Array(vec![Value::Table(kind)]));
         }
@@ -217,7 +217,7 @@ impl Pipeline {
     /// The steps, in their order.
     ///
     /// # Errors
-    /// If there is no such hand.
+    /// If there is no such gripper.
     pub(crate) fn steps(&self) -> Result<Vec<Step>, Failure> {
         let first = self.first_attempts();
         let mut steps = self.generated("round-1", first, self.seed, self.from.as_deref());
@@ -241,21 +241,21 @@ impl Pipeline {
             steps.push(Step::new(format!("evaluate on {name}"), report, "evaluate", flags));
         }
         let objects_too = self.objects.iter().map(|_| "pile-objects");
-        for hand in self.tried_hands()?.iter().map(|hand| short(hand)) {
+        for gripper in self.tried_grippers()?.iter().map(|gripper| short(gripper)) {
             for name in EXPERIMENTS.map(|(name, _)| name).into_iter().chain(objects_too.clone()) {
                 let set = |key: &str, path: PathBuf| ("--set", format!("{key}={}", path.display()).into());
-                let (file, out) = (name.trim_end_matches("-objects"), self.at(&format!("{name}-{hand}")));
+                let (file, out) = (name.trim_end_matches("-objects"), self.at(&format!("{name}-{gripper}")));
                 let mut flags: Flags = vec![
                     ("run", self.at(&format!("{file}.toml")).into()),
                     ("--out", out.clone().into()),
                     ("--seed", (self.seed + 3).to_string().into()),
                     ("--rounds", ROUNDS.to_string().into()),
-                    set("plan", self.at(&format!("plan-{hand}.toml"))),
+                    set("plan", self.at(&format!("plan-{gripper}.toml"))),
                     set("model", self.weights()),
                     ("--set", VIABLE.into()),
                 ];
                 flags.extend((file != name).then(|| set("scene", self.at(TRIED))));
-                steps.push(Step::new(format!("{ROUNDS} rounds of {name} with {hand}"), out, "experiment", flags));
+                steps.push(Step::new(format!("{ROUNDS} rounds of {name} with {gripper}"), out, "experiment", flags));
             }
         }
         Ok(steps)
@@ -337,34 +337,35 @@ impl Views {
     }
 }
 
-/// The hands of a name or a file.
-fn hands(hand: &str) -> Result<Grippers, Failure> {
-    let text = Table::from_iter([("gripper".to_owned(), Value::String(hand.to_owned()))]).to_string();
-    let Held { gripper } = Document::parse(&text, Path::new("HAND"))?.read()?;
+/// The grippers of a name or a file.
+fn grippers(named: &str) -> Result<Grippers, Failure> {
+    let text = Table::from_iter([("gripper".to_owned(), Value::String(named.to_owned()))]).to_string();
+    let Held { gripper } = Document::parse(&text, Path::new("GRIPPER"))?.read()?;
     Ok(gripper)
 }
 
-/// Whether the built-in judge of many hands answers for a hand. For several hands it is a peer, not a beginning.
+/// Whether the built-in judge of many grippers answers for a gripper. For several grippers it is a peer, not a
+/// beginning.
 ///
 /// # Errors
-/// If there is no such hand.
-pub(crate) fn is_known(hand: &str) -> Result<bool, Failure> {
+/// If there is no such gripper.
+pub(crate) fn is_known(gripper: &str) -> Result<bool, Failure> {
     let judge = checkpoint::from_bytes(MANY_GRIPPERS.0, Path::new(MANY_GRIPPERS.1))?;
-    Ok(hands(hand)?.only().is_some() && must_answer_for(&judge, hand).is_ok())
+    Ok(grippers(gripper)?.only().is_some() && must_answer_for(&judge, gripper).is_ok())
 }
 
-/// Whether a judge answers for a hand, or for all of a file of ranges.
+/// Whether a judge answers for a gripper, or for all of a file of ranges.
 ///
 /// # Errors
-/// If it does not, these are another network's weights, or there is no such hand.
-pub(crate) fn must_answer_for(weights: &Checkpoint, hand: &str) -> Result<(), Failure> {
+/// If it does not, these are another network's weights, or there is no such gripper.
+pub(crate) fn must_answer_for(weights: &Checkpoint, gripper: &str) -> Result<(), Failure> {
     let scope = weights.architecture.scope("a pipeline")?;
-    hands(hand)?.all().iter().try_for_each(|hand| scope.must_match(hand, &Grid::PAPER))
+    grippers(gripper)?.all().iter().try_for_each(|gripper| scope.must_match(gripper, &Grid::PAPER))
 }
 
-/// A hand's name, also of a file.
-fn short(hand: &str) -> String {
-    Path::new(hand).file_stem().map_or_else(|| hand.to_owned(), |stem| stem.to_string_lossy().into_owned())
+/// A gripper's name, also of a file.
+fn short(gripper: &str) -> String {
+    Path::new(gripper).file_stem().map_or_else(|| gripper.to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
 #[cfg(test)]
@@ -376,9 +377,9 @@ mod tests {
     use super::*;
     use crate::Graspmill;
 
-    fn pipeline(hand: &str, objects: Option<Objects>, views: Views) -> Pipeline {
+    fn pipeline(gripper: &str, objects: Option<Objects>, views: Views) -> Pipeline {
         Pipeline {
-            hand: hand.to_owned(),
+            gripper: gripper.to_owned(),
             out: PathBuf::from("/out"),
             seed: 7,
             attempts: 90_000,
@@ -432,9 +433,9 @@ mod tests {
     }
 
     #[test]
-    fn from_the_judge_of_many_hands_there_is_one_round_with_its_choices() {
+    fn from_the_judge_of_many_grippers_there_is_one_round_with_its_choices() {
         assert!(is_known("wsg_50").unwrap());
-        assert!(!is_known("any_jaw").unwrap(), "for several hands it is a peer");
+        assert!(!is_known("any_jaw").unwrap(), "for several grippers it is a peer");
         let from = PathBuf::from("/out/from.safetensors");
         let pipeline = Pipeline { from: Some(from.clone()), ..pipeline("wsg_50", None, Views::Anywhere) };
         let steps = pipeline.steps().unwrap();
@@ -447,26 +448,26 @@ mod tests {
     }
 
     #[test]
-    fn weights_to_begin_with_answer_for_the_hand() {
+    fn weights_to_begin_with_answer_for_the_gripper() {
         let judge = checkpoint::from_bytes(MANY_GRIPPERS.0, Path::new(MANY_GRIPPERS.1)).unwrap();
         assert!(must_answer_for(&judge, "robotiq_hand_e").is_ok());
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("wide.toml");
         let text = Gripper::BUILT_IN[0].1.replace("opening_m_max = 0.08", "opening_m_max = 0.2");
         std::fs::write(&file, text).unwrap();
-        let hand = file.display().to_string();
-        let refused = must_answer_for(&judge, &hand).unwrap_err().to_string();
+        let gripper = file.display().to_string();
+        let refused = must_answer_for(&judge, &gripper).unwrap_err().to_string();
         assert!(refused.contains("opening_m_max must be"), "{refused}");
-        assert!(!is_known(&hand).unwrap());
+        assert!(!is_known(&gripper).unwrap());
         let paper = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/paper-200k.safetensors");
         let refused = must_answer_for(&checkpoint::read(Path::new(paper)).unwrap(), "wsg_50").unwrap_err().to_string();
         assert!(refused.contains("which answers for voxels"), "{refused}");
     }
 
     #[test]
-    fn a_judge_of_many_hands_is_tried_with_each_built_in_one() {
+    fn a_judge_of_many_grippers_is_tried_with_each_built_in_one() {
         let pipeline = pipeline("any_jaw", None, Views::Anywhere);
-        assert_eq!(pipeline.tried_hands().unwrap().len(), Gripper::BUILT_IN.len());
+        assert_eq!(pipeline.tried_grippers().unwrap().len(), Gripper::BUILT_IN.len());
         assert_eq!(pipeline.steps().unwrap().len(), 6 + 4 * Gripper::BUILT_IN.len());
         assert_eq!(file(&pipeline, "plan-wsg_50.toml")["gripper"].as_str(), Some("wsg_50"));
     }
@@ -516,7 +517,7 @@ mod tests {
         assert!(steps.last().unwrap().command().ends_with("--set scene=/out/tried-objects.toml"));
         assert_eq!(kinds(&steps).iter().filter(|kind| **kind == "experiment").count(), 5);
         let pipeline = household;
-        let wrong = Pipeline { hand: "three_fingers".to_owned(), ..pipeline };
+        let wrong = Pipeline { gripper: "three_fingers".to_owned(), ..pipeline };
         assert!(wrong.steps().unwrap_err().to_string().contains("three_fingers"));
     }
 }

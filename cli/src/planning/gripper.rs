@@ -1,4 +1,4 @@
-//! `graspmill gripper`: a hand's measures, to be compared with the real hand.
+//! `graspmill gripper`: a gripper's measures, to be compared with the real gripper.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,30 +14,30 @@ use settings::{Document, Value, settings};
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
     /// A built-in name, or the path of a file that ends in .toml (docs/own-gripper.md)
-    #[arg(value_name = "GRIPPER")]
-    hand: String,
+    gripper: String,
 
-    /// Write a page on which the hand can be turned about: its boxes with their sizes, and the grasp frame's axes
+    /// Write a page on which the gripper can be turned about: its boxes with their sizes, and the grasp frame's axes
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
 }
 
 settings! {
-    /// What names the hand.
+    /// What names the gripper.
     struct Named {
-        gripper: Gripper; by Gripper::read_named as "a hand's name, a path that ends in .toml, or what such a file has",
+        gripper: Gripper; by Gripper::read_named as
+            "a gripper's name, a path that ends in .toml, or what such a file has",
     }
 }
 
-/// The hand that an argument names.
-pub(crate) fn named(hand: &str) -> Result<Gripper, Failure> {
-    let mut document = Document::parse("", Path::new("HAND"))?;
-    document.table_mut().insert("gripper".to_owned(), Value::String(hand.to_owned()));
+/// The gripper that an argument names.
+pub(crate) fn named(gripper: &str) -> Result<Gripper, Failure> {
+    let mut document = Document::parse("", Path::new("GRIPPER"))?;
+    document.table_mut().insert("gripper".to_owned(), Value::String(gripper.to_owned()));
     Ok(document.read::<Named>()?.gripper)
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let gripper = named(&arguments.hand)?;
+    let gripper = named(&arguments.gripper)?;
     if let Some(path) = &arguments.html {
         write(path, page(&gripper))?;
     }
@@ -45,7 +45,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::Ok)
 }
 
-/// The open hand, pointing down, with the numbers of its file.
+/// The open gripper, pointing down, with the numbers of its file.
 fn page(gripper: &Gripper) -> String {
     let mut view = View::new(&gripper.name);
     let down = Pose::from_parts(Vec3::ZERO, Quat::from_xyzw(1.0, 0.0, 0.0, 0.0));

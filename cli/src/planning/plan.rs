@@ -87,7 +87,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     grasps: Option<u32>,
 
-    /// Drop grasps whose hand would hit the cloud on its way
+    /// Drop grasps at which the gripper would hit the cloud on its way
     #[arg(long)]
     check_collisions: bool,
 
@@ -109,7 +109,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "QX,QY,QZ,QW", value_parser = numbers::<4>, allow_hyphen_values = true)]
     wrist: Option<[f64; 4]>,
 
-    /// A hand that failed, in the workspace: no grasp within 10 mm and 30° of it is returned; repeat for several
+    /// A grasp that failed, in the workspace: no grasp within 10 mm and 30° of it is returned; repeat for several
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
     avoid: Vec<[f64; 7]>,
 
@@ -127,8 +127,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z,RAD", value_parser = numbers::<4>, allow_hyphen_values = true)]
     approach: Option<[f64; 4]>,
 
-    /// A plane that the open hand does not cross on its way: its normal, which points to where the hand may be, and its
-    /// offset in metres; repeat for several. 0,1,0,0.05 keeps the hand at y of 50 mm or more
+    /// A plane that the open gripper does not cross on its way: its normal, which points to where the gripper may be,
+    /// and its offset in metres; repeat for several. 0,1,0,0.05 keeps the gripper at y of 50 mm or more
     #[arg(long, value_name = "NX,NY,NZ,OFFSET", value_parser = numbers::<4>, allow_hyphen_values = true)]
     keep_out: Vec<[f64; 4]>,
 
@@ -241,7 +241,7 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     set(&mut input.explain, arguments.explain.then_some(true));
     set(&mut input.workspace_size_m, arguments.workspace_size);
     set(&mut input.base_from_workspace, arguments.base_from_workspace.map(pose));
-    set(&mut input.avoid, some(&arguments.avoid).map(|hands| hands.into_iter().map(pose).collect()));
+    set(&mut input.avoid, some(&arguments.avoid).map(|grasps| grasps.into_iter().map(pose).collect()));
     set(&mut input.avoid_objects, some(&arguments.avoid_object));
     set(&mut input.target_m, arguments.target);
     let cone = |[x, y, z, angle_rad_max]: [f64; 4]| ConeInput { direction: [x, y, z], angle_rad_max };
@@ -310,7 +310,7 @@ Examples:
   graspmill plan --views views.toml --check-collisions --out plan.json
   graspmill plan --cloud table.npy --eye 0.15,-0.4,0.5 --explain
   graspmill plan --tsdf scene.npy --config paper
-  graspmill gripper franka_hand --html hand.html
+  graspmill gripper franka_hand --html gripper.html
   graspmill serve --port 8040
 
 If no grasp is found, the plan says why, and the exit code is still 0. Programs read the plan with --json or from the file of --out.";

@@ -11,7 +11,7 @@ const SHOWN_MAX: usize = 40;
 /// Most grasps in an image.
 const DRAWN_MAX: usize = 5;
 
-/// The segmented cloud and the ranked grasps, the best with its whole hand, as a page of one file.
+/// The segmented cloud and the ranked grasps, the best with the whole gripper, as a page of one file.
 #[must_use]
 pub fn page(plan: &Plan, gripper: &Gripper, title: &str) -> String {
     let mut view = View::new(title);
@@ -47,7 +47,7 @@ pub fn page(plan: &Plan, gripper: &Gripper, title: &str) -> String {
         view.fact("shown", format!("the best {SHOWN_MAX}"));
     }
     view.fact("objects", plan.objects.len().to_string());
-    view.fact("hand", format!("{}, opens {:.0} mm", gripper.name, 1e3 * gripper.opening_m_max));
+    view.fact("gripper", format!("{}, opens {:.0} mm", gripper.name, 1e3 * gripper.opening_m_max));
     for reason in plan.reason.iter().chain(&plan.warnings) {
         view.fact("note", reason.clone());
     }
@@ -78,11 +78,11 @@ pub fn draw_into(
         return Err(Failure::new(ExitCode::Config, refused));
     };
     let best = plan.grasps.iter().take(DRAWN_MAX);
-    let hand = |grasp: &RankedGrasp| {
+    let drawn = |grasp: &RankedGrasp| {
         grasp.camera_from_grasp.map(|camera_from_grasp| DrawnGrasp { camera_from_grasp, opening_m: grasp.opening_m })
     };
-    let hands: Vec<DrawnGrasp> = best.filter_map(hand).collect();
-    overlay(color.unwrap_or_else(|| grey(image)), &camera.intrinsics, &hands, gripper)
+    let drawn: Vec<DrawnGrasp> = best.filter_map(drawn).collect();
+    overlay(color.unwrap_or_else(|| grey(image)), &camera.intrinsics, &drawn, gripper)
 }
 
 #[cfg(test)]

@@ -26,8 +26,8 @@ pub(crate) fn write_report(evaluation: &Evaluation, folder: &Path) -> Result<(),
 pub(crate) fn document(evaluation: &Evaluation) -> Document {
     let mut blocks = vec![Block::Table(numbers(evaluation))];
     let mut add = |title: &str, table| blocks.extend([Block::Heading(title.to_owned()), Block::Table(table)]);
-    if let Some(hands) = &evaluation.grippers {
-        add("By outcome", kinds("outcome", &hands.by_outcome));
+    if let Some(scores) = &evaluation.grippers {
+        add("By outcome", kinds("outcome", &scores.by_outcome));
     }
     add("By shape", kinds("shape", &evaluation.by_shape));
     add("By rule", kinds("rule", &evaluation.by_rule));
@@ -56,8 +56,8 @@ fn numbers(evaluation: &Evaluation) -> Table {
         row(format!("expected calibration error, {BINS} bins"), number(Some(calibration.expected_error))),
         row("Brier score", number(Some(calibration.brier))),
     ];
-    if let Some(hands) = &evaluation.grippers {
-        rows.extend(of_hands(hands));
+    if let Some(scores) = &evaluation.grippers {
+        rows.extend(of_judge(scores));
     } else {
         rows.extend(off_by("held attempts", &evaluation.errors));
         rows.extend(off_by("held attempts with a quality above 0.9", &evaluation.errors_of_sure));
@@ -76,15 +76,15 @@ fn off_by(which: &str, errors: &GraspErrors) -> [Vec<Cell>; 4] {
 }
 
 /// What only a judge's evaluation has.
-fn of_hands(hands: &JudgeScores) -> Vec<Vec<Cell>> {
-    let JudgeScores { table_free: free, scenes_with_held, best_held, best_held_95, robustness, .. } = hands;
+fn of_judge(scores: &JudgeScores) -> Vec<Vec<Cell>> {
+    let JudgeScores { table_free: free, scenes_with_held, best_held, best_held_95, robustness, .. } = scores;
     let mut rows = vec![
         row(format!("accuracy, {} attempts that do not hit the table", free.all.samples), number(free.all.accuracy)),
         row("accuracy of always \"failure\", the same", number(free.all.baseline_accuracy)),
         row("average precision, the same", number(free.average_precision)),
-        row("95 % interval, scenes drawn (bootstrap)", range(hands.average_precision_95_by_scene)),
+        row("95 % interval, scenes drawn (bootstrap)", range(scores.average_precision_95_by_scene)),
         row("area under the ROC curve, the same", number(free.roc_auc)),
-        row(format!("best hand of a scene holds, {scenes_with_held} scenes"), number(*best_held)),
+        row(format!("best grasp of a scene holds, {scenes_with_held} scenes"), number(*best_held)),
         row("95 % interval (Wilson)", range(*best_held_95)),
     ];
     if let Some(robust) = robustness {

@@ -215,8 +215,8 @@ fn keys_are_set_from_outside_and_unknown_ones_refused() {
     }
 }
 
-/// What is not in the experiment's own file decides as well: the planner's settings, the hand and the procedure, the
-/// objects.
+/// What is not in the experiment's own file decides as well: the planner's settings, the gripper and the procedure,
+/// the objects.
 #[test]
 fn a_run_does_not_go_on_with_other_files() {
     let folder = tempfile::tempdir().unwrap();

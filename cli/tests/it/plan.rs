@@ -143,17 +143,17 @@ fn bad_input_is_named_with_its_place_and_code() {
 }
 
 #[test]
-fn a_hand_is_told_and_drawn() {
+fn a_gripper_is_told_and_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let output = run(&["gripper", "franka_hand", "--html", &path("hand.html")]);
+    let output = run(&["gripper", "franka_hand", "--html", &path("gripper.html")]);
     assert!(output.status.success(), "{output:?}");
     let told = String::from_utf8(output.stdout).unwrap();
     for words in ["franka_hand\n", "finger_length_m", "46.0 mm", "closing_speed_m_s       0.05", "112.3 mm; quaternion"]
     {
         assert!(told.contains(words), "{words} is not in {told}");
     }
-    let page = fs::read_to_string(path("hand.html")).unwrap();
+    let page = fs::read_to_string(path("gripper.html")).unwrap();
     for words in ["63.0 mm along x, 204.0 mm along y, 66.0 mm along z", "z: approach", "the flange", "palm_breadth_m"] {
         assert!(page.contains(words), "{words} is not in {page}");
     }
@@ -171,7 +171,7 @@ fn a_hand_with_a_flange_gives_the_flanges_poses() {
     let config = folder.path().join("plan.toml");
     let paper = include_str!("../../../configs/plan/paper.toml");
     assert!(paper.contains("\"parallel_jaw_80\""));
-    // Without the check, which leaves no hand of the demo.
+    // Without the check, which leaves no grasp of the demo.
     let text = paper.replace("\"parallel_jaw_80\"", "\"franka_hand\"").replace("check = true", "check = false");
     fs::write(&config, text).unwrap();
     let config = config.to_str().unwrap();
@@ -191,7 +191,7 @@ fn a_hand_with_a_flange_gives_the_flanges_poses() {
             let expected_m = tips[axis] - 0.1123 * approach[axis];
             assert!((flange_at[axis] - expected_m).abs() < 1e-5, "{flange}: {first}");
         }
-        // The hand is turned by -45 degrees on the flange: the flange by 45 degrees about the approach.
+        // The gripper is turned by -45 degrees on the flange: the flange by 45 degrees about the approach.
         let (sin, cos) = (0.382_683_43, 0.923_879_53);
         let turned = [x * cos + y * sin, y * cos - x * sin, z * cos + w * sin, w * cos - z * sin];
         let got = numbers(&first[flange], "quaternion_xyzw");

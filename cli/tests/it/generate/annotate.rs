@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use super::{check_fails, check_ok, files, workshop};
 
-/// A box of 40 × 60 × 50 mm whose corner is the origin, in millimetres; a plate that no hand spans; a catalogue.
+/// A box of 40 × 60 × 50 mm whose corner is the origin, in millimetres; a plate that no gripper spans; a catalogue.
 fn objects() -> TempDir {
     let dir = workshop("");
     for (name, [x, y, z]) in [("brick", [40, 60, 50]), ("slab", [300, 300, 300])] {

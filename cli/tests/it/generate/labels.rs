@@ -15,11 +15,13 @@ use super::{check_ok, run, small, small_config, workshop};
 fn stored_rows_executed_again_end_the_same() {
     let text = small_config().replace("\"parallel_jaw_80\"", "[\"parallel_jaw_80\", \"slim_jaw_50\"]");
     let several = Config::read(Document::parse(&text, Path::new("small.toml")).unwrap(), Overrides::default()).unwrap();
-    let hands = several.gripper.all();
-    for (config, scene_id, hand) in [(&small(), 3, &hands[0]), (&several, 2, &hands[0]), (&several, 3, &hands[1])] {
+    let grippers = several.gripper.all();
+    for (config, scene_id, gripper) in
+        [(&small(), 3, &grippers[0]), (&several, 2, &grippers[0]), (&several, 3, &grippers[1])]
+    {
         let rows = make_scene(config, scene_id, 60).unwrap();
         let scene = Scene::from_records(config.grid.table_z_m, rows.scene.fixtures(&config.grid), &rows.objects, &[]);
-        let world = AttemptWorld::new(&config.physics, hand, &config.procedure, &scene);
+        let world = AttemptWorld::new(&config.physics, gripper, &config.procedure, &scene);
         for attempt in &rows.attempts {
             let again = world.execute(&attempt.workspace_from_grasp, attempt.object_id as usize);
             assert_eq!((again.outcome, again.width_m), (attempt.outcome, attempt.width_m), "{attempt:?}");
@@ -28,7 +30,7 @@ fn stored_rows_executed_again_end_the_same() {
 }
 
 #[test]
-fn a_dataset_of_several_hands_can_be_executed_again_and_replayed() {
+fn a_dataset_of_several_grippers_can_be_executed_again_and_replayed() {
     let text = small_config().replace("\"parallel_jaw_80\"", "[\"parallel_jaw_80\", \"slim_jaw_50\", \"wsg_50\"]");
     let dir = workshop(&text);
     check_ok(&run(&dir, "ds", &[]));

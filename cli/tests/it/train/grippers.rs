@@ -1,4 +1,4 @@
-//! A judge of several hands: trained on data of all, asked about those between them, refused elsewhere.
+//! A judge of several grippers: trained on data of all, asked about those between them, refused elsewhere.
 
 use std::fs;
 use std::path::Path;
@@ -17,18 +17,18 @@ fn opening(info: &DatasetInfo, opening_m_max: f32) -> Gripper {
 
 fn write(folder: &Path, openings_m: &[f32]) -> String {
     let mut info = synthetic::info(5, 2, 120, 12);
-    let hands: Vec<Gripper> = openings_m.iter().map(|opening_m| opening(&info, *opening_m)).collect();
-    info.gripper = hands[0].clone();
-    if hands.len() > 1 {
-        assert_eq!(Grippers::problem(&hands), None);
-        (info.grippers, info.format_version) = (hands, 3);
+    let grippers: Vec<Gripper> = openings_m.iter().map(|opening_m| opening(&info, *opening_m)).collect();
+    info.gripper = grippers[0].clone();
+    if grippers.len() > 1 {
+        assert_eq!(Grippers::problem(&grippers), None);
+        (info.grippers, info.format_version) = (grippers, 3);
     }
     write_dataset_of(folder, &info);
     folder.to_str().unwrap().to_owned()
 }
 
 #[test]
-fn a_judge_learns_from_many_hands_and_answers_for_those_between_them() {
+fn a_judge_learns_from_many_grippers_and_answers_for_those_between_them() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     let [two, wide, between, beyond] =
@@ -53,7 +53,7 @@ fn a_judge_learns_from_many_hands_and_answers_for_those_between_them() {
         78,
         &["not for opens_0.13 as it is given: opening_m_max must be 0.08 to 0.12, got 0.13"],
     );
-    // The paper's network has no input for a hand.
+    // The paper's network has no input for a gripper.
     let other = path("other");
     check_fails(
         &["fit", "--data", &two, "--config", voxel, "--run", other.to_str().unwrap()],
