@@ -27,8 +27,8 @@ pub fn grasps_table(set: &ObjectGrasps) -> Result<Vec<u8>, Failure> {
     plain_table(grasp_columns(set))
 }
 
-/// Everything that is known of the grasps, a row for each. `free_on_table` has bit n set if the hand stays off the
-/// table in the n-th stable pose.
+/// Everything that is known of the grasps, a row for each. `free_on_table` has bit n set if the gripper stays off
+/// the table in the n-th stable pose.
 #[must_use]
 pub fn grasp_columns(set: &ObjectGrasps) -> Vec<(&'static str, PlainColumn)> {
     let grasps = &set.grasps;
@@ -77,7 +77,7 @@ fn free_poses(grasp: &ObjectGrasp) -> u64 {
     grasp.is_free_on_table.iter().enumerate().map(|(number, is_free)| u64::from(*is_free) << number).sum()
 }
 
-/// How likely an object lies so that the hand stays off the table; none if its poses are not known.
+/// How likely an object lies so that the gripper stays off the table; none if its poses are not known.
 pub(super) fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f32> {
     let known: f32 = poses.iter().map(|pose| pose.probability).sum();
     let free = poses.iter().zip(&grasp.is_free_on_table).filter(|(_, is_free)| **is_free);
@@ -86,8 +86,8 @@ pub(super) fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f3
     (known > 0.0).then(|| free.max(0.0) / known)
 }
 
-/// From the base of the hand to its tips, along the approach: the flange's distance if the hand's file has it, else
-/// palm and fingers.
+/// From the base of the gripper to its tips, along the approach: the flange's distance if the gripper's file has it,
+/// else palm and fingers.
 fn base_to_tips_m(gripper: &Gripper) -> f32 {
     let flange = gripper.flange_from_grasp.map(|flange_from_grasp| flange_from_grasp.position_m[2]);
     flange.unwrap_or(gripper.finger_length_m + gripper.palm_length_m)

@@ -51,8 +51,9 @@ impl Report {
             Some(scenes) => spread(scenes, SCENES_SHOWN),
             None => spread(&(0..info.scene_count).collect::<Vec<_>>(), SCENES_SHOWN),
         };
-        let text =
-            format!("Evenly spread over the dataset. A fork is a hand, which names its attempt under the mouse. {how}");
+        let text = format!(
+            "Evenly spread over the dataset. A fork is a grasp, which names its attempt under the mouse. {how}"
+        );
         let shown =
             shown.into_iter().map(|scene| Ok(picture(info, &dataset.read_scene(scene)?, true, browsed.is_some())));
         let mut scenes = heading("Scenes", &text).to_vec();
@@ -77,7 +78,7 @@ fn lead(report: &Report, info: &DatasetInfo) -> String {
         grouped(report.labels.attempts),
         grouped(report.objects),
         grouped(report.scenes),
-        hands(info),
+        grippers(info),
         &report.dataset_id[..12],
         grouped(report.shards.into()),
         if report.shards == 1 { "shard" } else { "shards" },
@@ -86,11 +87,13 @@ fn lead(report: &Report, info: &DatasetInfo) -> String {
     )
 }
 
-/// The hand or the number of hands in words.
-fn hands(info: &DatasetInfo) -> String {
+/// The gripper or the number of grippers in words.
+fn grippers(info: &DatasetInfo) -> String {
     match info.grippers() {
-        [hand] => format!("the hand \"{}\"", hand.name),
-        hands => format!("{} hands, from {} to {}", hands.len(), hands[0].name, hands[hands.len() - 1].name),
+        [gripper] => format!("the gripper \"{}\"", gripper.name),
+        grippers => {
+            format!("{} grippers, from {} to {}", grippers.len(), grippers[0].name, grippers[grippers.len() - 1].name)
+        }
     }
 }
 
@@ -135,7 +138,7 @@ fn outcomes(report: &Report) -> Section {
 
 fn positives(report: &Report) -> Section {
     let text = "Which attempts held: by the target's shape, by the rule that drew the grasp, by clutter, by direction, and by the opening of \
-                hands that closed, at the end of the hold if held, else when closing stopped. Bars show the share that held. The last \
+                fingers that closed, at the end of the hold if held, else when closing stopped. Bars show the share that held. The last \
                 distance also holds what is further, and lone objects.";
     let blocks = vec![
         groups("shape", &report.shapes),

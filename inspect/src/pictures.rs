@@ -10,7 +10,7 @@ use shards::DatasetInfo;
 use crate::view::attempt_label;
 
 /// Up to `count` of these scenes, one from each of as many equal parts: at places within the parts that do not repeat
-/// (multiples of the golden ratio), for hands take turns from scene to scene.
+/// (multiples of the golden ratio), for grippers take turns from scene to scene.
 #[must_use]
 pub fn spread(scenes: &[u64], count: usize) -> Vec<u64> {
     const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
@@ -40,7 +40,7 @@ pub(crate) fn picture(info: &DatasetInfo, rows: &SceneRows, is_drawn: bool, is_l
 }
 
 fn scene_svg(info: &DatasetInfo, rows: &SceneRows) -> String {
-    let hand = |attempt: &AttemptRecord| Grasp {
+    let drawn = |attempt: &AttemptRecord| Grasp {
         workspace_from_grasp: attempt.workspace_from_grasp,
         width_m: attempt.width_m.unwrap_or(info.gripper_of(attempt.scene_id).opening_m_max),
         outcome: attempt.outcome,
@@ -51,7 +51,7 @@ fn scene_svg(info: &DatasetInfo, rows: &SceneRows) -> String {
         table_z_m: info.grid.table_z_m,
         bodies: rows.objects.iter().flat_map(bodies).collect(),
         fixtures: rows.scene.fixtures(&info.grid),
-        hands: rows.attempts.iter().map(hand).collect(),
+        grasps: rows.attempts.iter().map(drawn).collect(),
     })
 }
 
@@ -75,9 +75,9 @@ mod tests {
                 .enumerate()
                 .all(|(part, scene)| (part as u64 * 100 / 12..(part as u64 + 1) * 100 / 12).contains(scene))
         );
-        for hands in 2..=4 {
-            let turns: std::collections::BTreeSet<u64> = shown.iter().map(|scene| scene % hands).collect();
-            assert_eq!(turns.len() as u64, hands, "of {hands} hands that take turns all are seen: {shown:?}");
+        for grippers in 2..=4 {
+            let turns: std::collections::BTreeSet<u64> = shown.iter().map(|scene| scene % grippers).collect();
+            assert_eq!(turns.len() as u64, grippers, "of {grippers} grippers that take turns all are seen: {shown:?}");
         }
         assert_eq!(spread(&[3, 5], 12), [3, 5]);
         assert_eq!(spread(&[], 12), Vec::<u64>::new());

@@ -78,7 +78,7 @@ fn grasp_view(set: &ObjectGrasps, replay: GraspReplay) -> View {
     view.fact("stored", grasp.outcome.name());
     view.fact("now", ending);
     view.fact("test", set.test.name());
-    view.fact("seen from", "the hand, which stands still");
+    view.fact("seen from", "the gripper, which stands still");
     view
 }
 
@@ -91,7 +91,7 @@ fn poses(recording: &Recording, pose: impl Fn(&recorder::Frame) -> Pose) -> Vec<
     poses
 }
 
-/// Adds frames, events and contacts, the hand, and what stopped it.
+/// Adds frames, events and contacts, the gripper, and what stopped it.
 fn add(view: &mut View, recording: &Recording, gripper: &Gripper, grasp: &Pose) {
     view.frames = recording.frames.iter().map(|frame| Frame { time_s: frame.time_s }).collect();
     view.events.extend(recording.events.iter().map(|event| {

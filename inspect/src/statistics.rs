@@ -38,7 +38,7 @@ pub struct Report {
     pub object_counts: Vec<Group>,
     /// How attempts ended.
     pub outcomes: Vec<OutcomeGroup>,
-    /// Opening of the hand in metres, of attempts that closed it.
+    /// Opening of the gripper in metres, of attempts that closed it.
     pub width_m: Vec<Bin>,
     /// Angle between the grasp's approach and straight down, in degrees.
     pub approach_deg: Vec<Bin>,
@@ -89,7 +89,7 @@ pub struct TableSize {
     pub bytes_per_attempt: f64,
 }
 
-/// Bars of the widths' histogram, from 0 to the hand's opening.
+/// Bars of the widths' histogram, from 0 to the gripper's opening.
 const WIDTH_BINS: usize = 8;
 /// Degrees of a bar of the angles' histogram; twelve bars make 180°.
 const ANGLE_BIN_DEG: f64 = 15.0;

@@ -30,17 +30,17 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
         let label = format!("view {number}: {:.3} m away, polar {polar:.1}°, azimuth {azimuth:.1}°", camera.radius_m);
         view.lines.push(Line::camera(label, &camera.workspace_from_camera(grid), &lens));
     }
-    let hand = info.gripper_of(scene.scene_id);
+    let gripper = info.gripper_of(scene.scene_id);
     for is_held in [false, true] {
         for attempt in rows.attempts.iter().filter(|a| (a.outcome == Outcome::Held) == is_held) {
-            let width_m = attempt.width_m.unwrap_or(hand.opening_m_max);
+            let width_m = attempt.width_m.unwrap_or(gripper.opening_m_max);
             let (class, label) = (Class::Grasp(attempt.outcome), attempt_label(attempt));
-            view.lines.push(Line::fork(class, label, hand, &attempt.workspace_from_grasp, width_m));
+            view.lines.push(Line::fork(class, label, gripper, &attempt.workspace_from_grasp, width_m));
         }
     }
     view.points.push(surface(info, rows));
     facts(&mut view, info, dataset_id, rows);
-    // Most attempts collide: with their hands shown there is little else to be seen.
+    // Most attempts collide: with their grasps shown there is little else to be seen.
     view.hidden = ["approach_collision", "pregrasp_collision", "camera"].map(str::to_owned).into();
     view
 }
@@ -77,8 +77,8 @@ fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows
         let count = rows.attempts.iter().filter(|a| a.outcome == outcome).count();
         view.fact(outcome.name(), count.to_string());
     }
-    let hand = info.gripper_of(scene.scene_id);
-    view.fact("hand", format!("{}, opens {:.0} mm", hand.name, hand.opening_m_max * 1000.0));
+    let gripper = info.gripper_of(scene.scene_id);
+    view.fact("gripper", format!("{}, opens {:.0} mm", gripper.name, gripper.opening_m_max * 1000.0));
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@
   const byFile = new Map(scenes.map((scene) => [scene.file, scene]));
   const here = byFile.get(location.pathname.split("/").at(-1));
 
-  // All scenes: the cards of those with a wanted attempt, whose other hands are faint.
+  // All scenes: the cards of those with a wanted attempt, whose other grasps are faint.
   function showCards() {
     let count = 0, shown = 0;
     for (const figure of document.querySelectorAll(".gallery figure")) {

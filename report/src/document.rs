@@ -41,7 +41,7 @@ pub enum Block {
     Links(Vec<(String, String)>),
     /// What the pictures of scenes in the gallery below can be chosen by; on pages of a folder only.
     Filter(Vec<Facet>),
-    /// The colours that hands in pictures have by these outcomes; on pages only.
+    /// The colours that grasps in pictures have by these outcomes; on pages only.
     Legend(Vec<Outcome>),
     /// A program's input in the language that is named.
     Code(&'static str, String),

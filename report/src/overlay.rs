@@ -1,6 +1,6 @@
 //! Grasps drawn into a camera's image, as PNG: with it one sees at once whether a frame is right.
 //!
-//! Hands are lines without depth, the best on top. The bytes depend only on the arguments.
+//! Grasps are lines without depth, the best on top. The bytes depend only on the arguments.
 
 use std::ops::Range;
 
@@ -20,12 +20,12 @@ const SIDE_PX: f32 = 500.0;
 const HALO_WIDTH: f32 = 1.7;
 /// What is nearer to the lens than this is not drawn.
 const NEAR_M: f32 = 0.02;
-/// Lines that end farther off than this are left out: only hands that no gripper has come to that.
+/// Lines that end farther off than this are left out: only openings that no gripper has come to that.
 const END_PX_MAX: f32 = 1e6;
 /// Largest difference between the ratios of an image's sides and of its lens's, as a share.
 const ASPECT_OFF_MAX: f32 = 0.01;
 
-/// A hand to draw.
+/// A grasp to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grasp {
     /// Pose of the grasp in the camera's optical frame: x right, y down, z forward.
@@ -34,23 +34,23 @@ pub struct Grasp {
     pub opening_m: f32,
 }
 
-/// The image as PNG with hands drawn into it: the first is the best and on top. The lens is scaled to the image if that
-/// has another size. The bytes are a pure function of the arguments.
+/// The image as PNG with grasps drawn into it: the first is the best and on top. The lens is scaled to the image if
+/// that has another size. The bytes are a pure function of the arguments.
 ///
 /// # Errors
 /// If the image's sides have another ratio than the lens's.
 pub fn overlay(
     mut image: ColorImage,
     lens: &Intrinsics,
-    hands: &[Grasp],
+    grasps: &[Grasp],
     gripper: &Gripper,
 ) -> Result<Vec<u8>, Failure> {
     let lens = fitted(lens, &image)?;
     let radius_px = (image.width_px.max(image.height_px) as f32 / SIDE_PX).max(1.0);
-    for (place, hand) in hands.iter().enumerate().rev() {
-        let lines = lines_m(hand, gripper, place == 0);
+    for (place, grasp) in grasps.iter().enumerate().rev() {
+        let lines = lines_m(grasp, gripper, place == 0);
         let lines: Vec<[Vec2; 2]> = lines.into_iter().filter_map(|ends_m| seen(ends_m, &lens)).collect();
-        for (radius_px, colour) in [(HALO_WIDTH * radius_px, HALO), (radius_px, of_place(place, hands.len()))] {
+        for (radius_px, colour) in [(HALO_WIDTH * radius_px, HALO), (radius_px, of_place(place, grasps.len()))] {
             lines.iter().for_each(|ends| draw(&mut image, *ends, radius_px, colour));
         }
     }
@@ -97,9 +97,9 @@ fn fitted(lens: &Intrinsics, image: &ColorImage) -> Result<Intrinsics, Failure> 
     })
 }
 
-/// The edges of the best hand's boxes; of another a fork, because complete hands would hide the objects.
-fn lines_m(hand: &Grasp, gripper: &Gripper, is_best: bool) -> Vec<[Vec3; 2]> {
-    let Grasp { camera_from_grasp, opening_m } = hand;
+/// The edges of the best grasp's boxes; of another a fork, because complete grippers would hide the objects.
+fn lines_m(grasp: &Grasp, gripper: &Gripper, is_best: bool) -> Vec<[Vec3; 2]> {
+    let Grasp { camera_from_grasp, opening_m } = grasp;
     if !is_best {
         let fork = Line::fork(Class::Gripper, "", gripper, camera_from_grasp, *opening_m);
         return fork.points_m.windows(2).map(|ends| [ends[0], ends[1]].map(Vec3::from_array)).collect();
@@ -188,13 +188,13 @@ mod tests {
         ColorImage { width_px, height_px, pixels: vec![GREY; width_px * height_px] }
     }
 
-    /// A hand that moves down in the image and closes across it.
+    /// A grasp that moves down in the image and closes across it.
     fn downwards(at_m: Vec3, opening_m: f32) -> Grasp {
         Grasp { camera_from_grasp: pose_from_parts(Quat::from_xyzw(-0.5, -0.5, -0.5, 0.5), at_m), opening_m }
     }
 
-    fn drawn(image: ColorImage, hands: &[Grasp]) -> ColorImage {
-        let bytes = overlay(image, &LENS, hands, &gripper()).unwrap();
+    fn drawn(image: ColorImage, grasps: &[Grasp]) -> ColorImage {
+        let bytes = overlay(image, &LENS, grasps, &gripper()).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
@@ -204,9 +204,9 @@ mod tests {
 
     #[test]
     fn a_finger_s_tip_is_where_the_lens_projects_it_in_an_image_of_any_size() {
-        let (hand, opening_m) = (gripper(), 0.05);
+        let (gripper, opening_m) = (gripper(), 0.05);
         let tips_m = Vec3::new(0.02, 0.01, 0.4);
-        let front_m = tips_m.z - 0.5 * hand.finger_width_m;
+        let front_m = tips_m.z - 0.5 * gripper.finger_width_m;
         for scale in [1, 2] {
             let image = drawn(empty(640 * scale, 480 * scale), &[downwards(tips_m, opening_m)]);
             let at = |x_m: f32, off_px: f32| {
@@ -215,7 +215,7 @@ mod tests {
                 image.pixels[(y + off_px).round() as usize * image.width_px + x.round() as usize]
             };
             for side in [-1.0, 1.0] {
-                let middle_m = tips_m.x + side * 0.5 * (opening_m + hand.finger_thickness_m);
+                let middle_m = tips_m.x + side * 0.5 * (opening_m + gripper.finger_thickness_m);
                 let beyond_px = 2.0 * HALO_WIDTH * scale as f32 + 2.0;
                 assert_eq!([at(middle_m, 0.0), at(middle_m, beyond_px)], [BEST, GREY], "{side}");
             }
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn hands_behind_the_camera_are_left_out_and_near_ones_are_cut() {
+    fn grasps_behind_the_camera_are_left_out_and_near_ones_are_cut() {
         let image = empty(640, 480);
         let behind = [Vec3::new(0.0, 0.0, -0.4), Vec3::new(0.1, 0.0, -0.1), Vec3::splat(f32::NAN)];
         assert_eq!(drawn(image.clone(), &behind.map(|at_m| downwards(at_m, 0.04))), image);
@@ -239,14 +239,15 @@ mod tests {
     }
 
     #[test]
-    fn the_first_hand_is_the_best_and_on_top_and_bytes_repeat() {
+    fn the_first_grasp_is_the_best_and_on_top_and_bytes_repeat() {
         let image = empty(640, 480);
         let [first, second] = [Vec3::new(0.0, -0.05, 0.4), Vec3::new(0.02, -0.05, 0.35)].map(|at| downwards(at, 0.04));
-        let bytes = |hands: &[Grasp]| overlay(image.clone(), &LENS, hands, &gripper()).unwrap();
+        let bytes = |grasps: &[Grasp]| overlay(image.clone(), &LENS, grasps, &gripper()).unwrap();
         assert_eq!(bytes(&[first, second]), bytes(&[first, second]));
         assert_ne!(bytes(&[first, second]), bytes(&[second, first]));
-        let green =
-            |hands: &[Grasp]| drawn(image.clone(), hands).pixels.iter().map(|pixel| *pixel == BEST).collect::<Vec<_>>();
+        let green = |grasps: &[Grasp]| {
+            drawn(image.clone(), grasps).pixels.iter().map(|pixel| *pixel == BEST).collect::<Vec<_>>()
+        };
         assert!(green(&[first, second]) == green(&[first]), "although the second is nearer");
     }
 

@@ -1,14 +1,14 @@
-//! A small picture of a scene: convex bodies on a table, and hands as forks, coloured by how their attempts ended.
+//! A small picture of a scene: convex bodies on a table, and grasps as forks, coloured by how their attempts ended.
 //!
 //! The view is from above and the front, without perspective, so lengths along an axis are equal everywhere. Bodies are
-//! painted from back to front without the faces that point away; hands are on top, because they are the subject.
+//! painted from back to front without the faces that point away; grasps are on top, because they are the subject.
 
 use std::fmt::Write as _;
 
 use maud::Escaper;
 use schema::{Outcome, Polyhedron, Pose, Vec3};
 
-/// A hand at a grasp.
+/// A grasp, drawn as a fork.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grasp {
     /// Pose of the grasp.
@@ -21,7 +21,7 @@ pub struct Grasp {
     pub label: String,
 }
 
-/// Bodies and hands on a table, in the workspace.
+/// Bodies and grasps on a table, in the workspace.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Scene {
     /// Side of the workspace, in metres.
@@ -33,15 +33,15 @@ pub struct Scene {
     /// What the bodies lie in, drawn as edges.
     pub fixtures: Vec<Polyhedron>,
     /// Grasps.
-    pub hands: Vec<Grasp>,
+    pub grasps: Vec<Grasp>,
 }
 
 /// Size of the picture.
 const WIDTH_PX: f32 = 300.0;
 const HEIGHT_PX: f32 = 280.0;
-/// If there are more hands, they are drawn thin.
+/// If there are more grasps, they are drawn thin.
 const CROWD: usize = 12;
-/// Colours of bodies: light, so that hands stand out, and neither green nor red.
+/// Colours of bodies: light, so that grasps stand out, and neither green nor red.
 const TINTS: [[f32; 3]; 5] =
     [[150.0, 180.0, 214.0], [214.0, 188.0, 140.0], [178.0, 166.0, 208.0], [160.0, 196.0, 196.0], [205.0, 170.0, 190.0]];
 
@@ -70,19 +70,19 @@ pub fn svg(scene: &Scene) -> String {
         let corners = points(scene, face.ring.iter().map(|corner| part.corners_m()[*corner]));
         let _ = write!(text, "<polygon class=\"face\" fill=\"none\" points=\"{corners}\"/>");
     }
-    let mut hands: Vec<&Grasp> = scene.hands.iter().collect();
-    hands.sort_by_key(|hand| hand.outcome); // held grasps on top, collisions below
-    let is_crowded = hands.len() > CROWD;
-    for hand in hands {
-        let class = hand.outcome.name();
-        let (thick, strength) = if hand.outcome == Outcome::Held { (1.6_f32, 1.0) } else { (1.2, 0.4) };
+    let mut grasps: Vec<&Grasp> = scene.grasps.iter().collect();
+    grasps.sort_by_key(|grasp| grasp.outcome); // held grasps on top, collisions below
+    let is_crowded = grasps.len() > CROWD;
+    for grasp in grasps {
+        let class = grasp.outcome.name();
+        let (thick, strength) = if grasp.outcome == Outcome::Held { (1.6_f32, 1.0) } else { (1.2, 0.4) };
         let width = if is_crowded { thick } else { 1.5 * thick };
-        let lines = fork(hand).map(|line| format!("M{}", points(scene, line.into_iter()).replace(' ', "L"))).concat();
+        let lines = fork(grasp).map(|line| format!("M{}", points(scene, line.into_iter()).replace(' ', "L"))).concat();
         let _ = write!(
             text,
             "<path class=\"{class}\" stroke-width=\"{width:.1}\" stroke-opacity=\"{strength:.2}\" d=\"{lines}\"><title>"
         );
-        let _ = Escaper::new(&mut text).write_str(&hand.label);
+        let _ = Escaper::new(&mut text).write_str(&grasp.label);
         text += "</title></path>";
     }
     text + "</svg>"
@@ -112,10 +112,10 @@ fn paint(text: &mut String, scene: &Scene) {
     }
 }
 
-/// The hand as two lines: the connected fingers, and the stem behind.
-fn fork(hand: &Grasp) -> [Vec<Vec3>; 2] {
-    let (half, root, stem) = (0.5 * hand.width_m, -0.04, -0.06);
-    let at = |y: f32, z: f32| hand.workspace_from_grasp.transform_point(Vec3::new(0.0, y, z));
+/// The grasp as two lines: the connected fingers, and the stem behind.
+fn fork(grasp: &Grasp) -> [Vec<Vec3>; 2] {
+    let (half, root, stem) = (0.5 * grasp.width_m, -0.04, -0.06);
+    let at = |y: f32, z: f32| grasp.workspace_from_grasp.transform_point(Vec3::new(0.0, y, z));
     [vec![at(-half, 0.0), at(-half, root), at(half, root), at(half, 0.0)], vec![at(0.0, root), at(0.0, stem)]]
 }
 
@@ -135,15 +135,15 @@ mod tests {
     }
 
     #[test]
-    fn of_a_block_three_faces_are_seen_and_hands_lie_on_top() {
+    fn of_a_block_three_faces_are_seen_and_grasps_lie_on_top() {
         let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.09), Quat::IDENTITY);
-        let hand = |outcome| Grasp { workspace_from_grasp: at, width_m: 0.06, outcome, label: "7/19 <".to_owned() };
+        let grasp = |outcome| Grasp { workspace_from_grasp: at, width_m: 0.06, outcome, label: "7/19 <".to_owned() };
         let scene = Scene {
             size_m: 0.3,
             table_z_m: 0.05,
             bodies: vec![(block().moved(&at), 0)],
             fixtures: Vec::new(),
-            hands: vec![hand(Outcome::Held), hand(Outcome::Slipped), hand(Outcome::PregraspCollision)],
+            grasps: vec![grasp(Outcome::Held), grasp(Outcome::Slipped), grasp(Outcome::PregraspCollision)],
         };
         let svg = svg(&scene);
         assert_eq!(svg.matches("class=\"face\"").count(), 3, "{svg}");

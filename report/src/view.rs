@@ -144,9 +144,9 @@ pub enum Class {
     Target,
     /// The object that was hit.
     Hit,
-    /// The hand.
+    /// The gripper.
     Gripper,
-    /// The swept volume of the hand.
+    /// The swept volume of the gripper.
     Swept,
     /// A camera.
     Camera,

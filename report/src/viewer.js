@@ -8,7 +8,7 @@
   const byId = (id) => document.getElementById(id);
   const canvas = byId("canvas"), pen = canvas.getContext("2d"), tip = byId("tip");
   const isDark = matchMedia("(prefers-color-scheme: dark)");
-  // In a folder clicks on hands open the replays of their attempts.
+  // In a folder clicks on grasps open the replays of their attempts.
   for (const line of view.lines) {
     const attempt = line.label.match(/^[\w.-]+\/(\d+)[ :]/)?.[1];
     if (byId(`replay-${attempt}`)) line.opens = attempt;

@@ -21,7 +21,7 @@ use crate::replay::{Replays, of_object};
 /// kilobytes.
 const SHOWN: [usize; 2] = [200, 24];
 const SHOWN_OF_ALL: usize = 24_000;
-/// Hands in a picture of the grid.
+/// Grasps in a picture of the grid.
 const PICTURED: usize = 16;
 
 /// What grasps can be chosen by, in the order of the values of [`values`].
@@ -116,7 +116,7 @@ fn grasps_view(set: &ObjectGrasps, numbers: &[u64]) -> View {
         .into_iter()
         .flatten(),
     );
-    view.fact("hand", format!("{}, opens {:.0} mm", set.gripper.name, set.gripper.opening_m_max * 1000.0));
+    view.fact("gripper", format!("{}, opens {:.0} mm", set.gripper.name, set.gripper.opening_m_max * 1000.0));
     view.fact("test", set.test.name());
     view.fact("mass", format!("{:.0} g", set.mass_kg * 1000.0));
     view.fact("friction", format!("{:.2}", set.friction));
@@ -172,7 +172,7 @@ fn grasps_svg(set: &ObjectGrasps) -> String {
     let middle_m = 0.5 * (low_m + high_m);
     let lift_m = Vec3::new(0.5 * size_m, 0.5 * size_m, 0.5 * set.extents_m.length()) - middle_m;
     let placed = |pose: &Pose| Pose::from_parts(pose.translation + lift_m, pose.rotation);
-    let hand = |number: u64| {
+    let drawn = |number: u64| {
         let grasp = held[number as usize];
         Grasp {
             workspace_from_grasp: placed(&grasp.object_from_grasp),
@@ -186,6 +186,6 @@ fn grasps_svg(set: &ObjectGrasps) -> String {
         table_z_m: 0.0,
         bodies: set.parts.iter().map(|part| (part.moved(&placed(&Pose::IDENTITY)), 0)).collect(),
         fixtures: Vec::new(),
-        hands: spread(&numbers, PICTURED).into_iter().map(hand).collect(),
+        grasps: spread(&numbers, PICTURED).into_iter().map(drawn).collect(),
     })
 }

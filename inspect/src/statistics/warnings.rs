@@ -24,7 +24,7 @@ impl Report {
         let by_rules = self.rules.iter().any(|group| group.labels.attempts > 0 && is_of_the_paper(&group.name));
         if by_rules && self.labels.attempts >= TRIED_MIN && !(POSITIVE_SHARE[0]..=POSITIVE_SHARE[1]).contains(&share) {
             warnings.push(format!(
-                "Positives to negatives are {}: far from the paper's 1 : 3. Sizes against the hand's opening and the number of \
+                "Positives to negatives are {}: far from the paper's 1 : 3. Sizes against the gripper's opening and the number of \
                  objects decide this; labels are never resampled.",
                 ratio(self.labels.positives, self.labels.negatives())
             ));

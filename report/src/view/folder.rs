@@ -201,8 +201,8 @@ mod tests {
 
     #[test]
     fn a_packed_replay_leaves_out_what_its_scene_and_the_pose_before_have() {
-        let hand = GripperBox { centre_m: Vec3::ZERO, half_m: Vec3::ONE };
-        let block = |class| Body::of_box(class, "block", &hand, &[Pose::IDENTITY]);
+        let unit_box = GripperBox { centre_m: Vec3::ZERO, half_m: Vec3::ONE };
+        let block = |class| Body::of_box(class, "block", &unit_box, &[Pose::IDENTITY]);
         let scene = View { bodies: vec![Body::table(0.3, 0.05), block(Class::Object)], ..View::new("Scene 7") };
         let mut replay = View { bodies: vec![Body::table(0.3, 0.1), block(Class::Target)], ..View::new("7/19: held") };
         let pose = |at: u16| [0.1, 0.2, 0.3 + f32::from(at) * 1e-3, 0.0, 0.0, 0.0, 1.0];

@@ -1,4 +1,4 @@
-//! Solids, hands, tables and cameras as bodies and lines of a view.
+//! Solids, grippers, tables and cameras as bodies and lines of a view.
 
 use schema::{Grid, Gripper, GripperBox, Intrinsics, ObjectRecord, Polyhedron, Pose, SceneRecord, Vec3};
 
@@ -100,7 +100,7 @@ impl Line {
         Self { class: Class::Workspace, label, points_m: flat_points(way.map(|c| corners[c])), frames: None }
     }
 
-    /// A hand at a grasp as a fork: from the back of the palm to the fingers' roots, and out to their tips.
+    /// A gripper at a grasp as a fork: from the back of the palm to the fingers' roots, and out to their tips.
     #[must_use]
     pub fn fork(
         class: Class,
