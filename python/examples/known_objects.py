@@ -15,7 +15,7 @@ def at(x: float, y: float, z: float) -> np.ndarray:
     return pose
 
 
-HAND = "franka_hand"
+GRIPPER = "franka_hand"
 SHAPES = {
     "box": lambda pose: graspmill.Object.cuboid((0.05, 0.04, 0.08), pose),
     "can": lambda pose: graspmill.Object.solid("cylinder", (0.05, 0.05, 0.06), pose),
@@ -24,7 +24,7 @@ SHAPES = {
 
 # Once for each object: grasps that hold whichever way is down, with the strongest pull that each bears.
 known = {
-    name: graspmill.annotate(make(np.eye(4)), gripper=HAND, grasps=400, held_only=True, test="turn", margins=True, seed=1)
+    name: graspmill.annotate(make(np.eye(4)), gripper=GRIPPER, grasps=400, held_only=True, test="turn", margins=True, seed=1)
     for name, make in SHAPES.items()
 }
 for name, grasps in known.items():
@@ -42,7 +42,7 @@ for seed in range(4):
         # Pose of the object times the grasp in the object's frame: the grasp in the workspace.
         grasps = thing.workspace_from_object @ set_of.object_from_grasp
         order = np.argsort(-set_of.tug_max_g)
-        outcomes = graspmill.execute(scene, grasps[order], gripper=HAND)
+        outcomes = graspmill.execute(scene, grasps[order], gripper=GRIPPER)
         # The robot would ask its collision checker which are free; the executions' gate says the same.
         collides = np.isin(outcomes.outcome, [graspmill.OUTCOMES.index(f"{way}_collision") for way in ("pregrasp", "approach")])
         free = np.flatnonzero(~collides)

@@ -12,7 +12,7 @@ import numpy as np
 
 
 def sampler(count: int, seed: int) -> np.ndarray:
-    """Hands that come from above, anywhere over the table, turned at random about the vertical."""
+    """Grasps from above, anywhere over the table, turned at random about the vertical."""
     rng = np.random.default_rng(seed)
     yaw = rng.uniform(0.0, np.pi, count)
     poses = np.zeros((count, 4, 4))
@@ -40,10 +40,10 @@ scene = graspmill.Scene(
 print(scene)
 
 grasps = sampler(20_000, seed=1)
-for hand in ("parallel_jaw_80", "franka_hand", "robotiq_2f_85"):
+for gripper in ("parallel_jaw_80", "franka_hand", "robotiq_2f_85"):
     began = time.perf_counter()
-    outcomes = graspmill.execute(scene, grasps, gripper=hand)
-    print(f"{hand}: {outcomes} at {len(grasps) / (time.perf_counter() - began):,.0f}/s")
+    outcomes = graspmill.execute(scene, grasps, gripper=gripper)
+    print(f"{gripper}: {outcomes} at {len(grasps) / (time.perf_counter() - began):,.0f}/s")
 
 # What of the held ones is best centred, say: outcomes are arrays like the grasps.
 held = grasps[outcomes.held]

@@ -3,8 +3,9 @@
     git clone --depth 1 https://github.com/google-deepmind/mujoco_menagerie
     pip install mujoco && python mujoco_arm.py mujoco_menagerie/franka_emika_panda/panda.xml [SEED]
 
-The hand's frame comes from the model (graspmill.descriptions), the planner's hand is `franka_hand`, the arm's kinematics are those of
-reachable.py. Ways between the poses are straight in the joints, and not checked against collisions.
+The gripper's frame comes from the model (graspmill.descriptions), the planner's gripper is `franka_hand`, the arm's
+kinematics are those of reachable.py. Ways between the poses are straight in the joints, and not checked against
+collisions.
 """
 
 import sys
@@ -39,16 +40,16 @@ def scene(path: str, seed: int) -> tuple[mujoco.MjModel, mujoco.MjModel, np.ndar
 
 
 class Cell:
-    """The simulated arm: where its joints go, and the hand."""
+    """The simulated arm: where its joints go, and the gripper."""
 
     def __init__(self, path: str, seed: int) -> None:
         self.model, alone, self.home = scene(path, seed)
         self.data, self.arm = mujoco.MjData(self.model), Arm(alone, "hand")
         self.joints = len(self.home) - 2  # without the fingers
         self.data.qpos[: len(self.home)] = self.home
-        hand = from_description(path, FINGERS, flange="hand")
-        assert hand.flange_from_grasp is not None
-        self.grasp_from_hand = np.linalg.inv(hand.flange_from_grasp)
+        gripper = from_description(path, FINGERS, flange="hand")
+        assert gripper.flange_from_grasp is not None
+        self.grasp_from_flange = np.linalg.inv(gripper.flange_from_grasp)
         self.run(self.home, self.home, OPEN, 1.0)
 
     def run(self, start: np.ndarray, end: np.ndarray, fingers: float, seconds: float) -> None:
@@ -63,7 +64,7 @@ class Cell:
     def straight(self, start: np.ndarray, poses: list[np.ndarray], fingers: float) -> np.ndarray:
         """Along poses of the grasp that are near to each other; the last joints."""
         for pose in poses:
-            (end,) = self.arm.solve(pose[None] @ self.grasp_from_hand, start, starts=1)
+            (end,) = self.arm.solve(pose[None] @ self.grasp_from_flange, start, starts=1)
             if np.isnan(end).any():
                 break
             self.run(start, end, fingers, 0.1)
@@ -71,16 +72,16 @@ class Cell:
         return start
 
     def reachable(self, workspace_from_grasp: np.ndarray) -> np.ndarray:
-        """Whether the arm gets to where the hand approaches from, and to the grasp."""
+        """Whether the arm gets to where the gripper approaches from, and to the grasp."""
         before = workspace_from_grasp.copy()
         before[:, :3, 3] -= 0.08 * before[:, :3, 2]
-        there, here = (self.arm.reaches(poses @ self.grasp_from_hand) for poses in (before, workspace_from_grasp))
+        there, here = (self.arm.reaches(poses @ self.grasp_from_flange) for poses in (before, workspace_from_grasp))
         return there & here
 
     def grasp(self, pose: np.ndarray) -> list[int]:
         """Grasps and lifts; which things came along."""
         ways = [shifted(pose, -back * pose[:3, 2]) for back in np.linspace(0.08, 0.0, 9)]
-        (before,) = self.arm.solve(ways[0][None] @ self.grasp_from_hand, self.home)
+        (before,) = self.arm.solve(ways[0][None] @ self.grasp_from_flange, self.home)
         self.run(self.home, before, OPEN, 1.5)
         self.run(before, before, OPEN, 0.5)
         at = self.straight(before, ways[1:], OPEN)

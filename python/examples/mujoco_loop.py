@@ -1,8 +1,9 @@
-"""Clears a table in MuJoCo: its scene, its depth to our planner, its physics executes the hand.
+"""Clears a table in MuJoCo: its scene, its depth to our planner, its physics moves the gripper.
 
     pip install mujoco && python mujoco_loop.py [SEED]
 
-Nothing here knows our simulator: the planner sees a depth image, and the hand is a MuJoCo model with the dimensions of parallel_jaw_80.
+Nothing here knows our simulator: the planner sees a depth image, and the gripper is a MuJoCo model with
+the dimensions of parallel_jaw_80.
 """
 
 import sys
@@ -12,8 +13,8 @@ import mujoco
 import numpy as np
 
 TABLE_Z_M, OBJECTS = 0.05, 4
-# The hand in the grasp frame: z approach, y closing, origin between the tips (configs/grippers/parallel_jaw_80.toml).
-HAND = """
+# In the grasp frame: z approach, y closing, origin between the tips (configs/grippers/parallel_jaw_80.toml).
+GRIPPER = """
 <body name="hand" pos="0.15 0.9 0.6" quat="0 1 0 0" gravcomp="1">
   <freejoint name="hand"/>
   <geom type="box" pos="0 0 -0.07" size="0.02 0.06 0.02" mass="0.5"/>
@@ -27,7 +28,7 @@ HAND = """
 
 
 def model(seed: int) -> mujoco.MjModel:
-    """A table, boxes and cylinders that will fall on it, and the hand, which is welded to a point that is moved."""
+    """A table, boxes and cylinders that will fall on it, and the gripper, which is welded to a point that is moved."""
     rng = np.random.default_rng(seed)
     things = ""
     for number in range(OBJECTS):
@@ -38,7 +39,7 @@ def model(seed: int) -> mujoco.MjModel:
         things += f'<geom type="{kind}" size="{text}" density="500" friction="1 0.01 0.001" condim="4"/></body>'
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="0.002" cone="elliptic" impratio="10"/>
-        <worldbody><geom type="box" pos="0.15 0.15 {TABLE_Z_M - 0.01}" size="0.5 0.5 0.01"/>{things}{HAND}</worldbody>
+        <worldbody><geom type="box" pos="0.15 0.15 {TABLE_Z_M - 0.01}" size="0.5 0.5 0.01"/>{things}{GRIPPER}</worldbody>
         <equality><weld body1="aim" body2="hand" solref="0.01 1"/></equality>
         <actuator><motor joint="left" ctrlrange="-20 20"/><motor joint="right" ctrlrange="-20 20"/></actuator></mujoco>"""
     )
@@ -57,7 +58,7 @@ def depth_image(m: mujoco.MjModel, d: mujoco.MjData, camera: graspmill.Camera) -
 
 
 def move(m: mujoco.MjModel, d: mujoco.MjData, start: np.ndarray, end: np.ndarray, seconds: float, force_n: float) -> None:
-    """Moves the hand in a straight line, its fingers pressing with a force (negative opens)."""
+    """Moves the gripper in a straight line, its fingers pressing with a force (negative opens)."""
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, start[:3, :3].ravel())
     steps = int(seconds / m.opt.timestep)
@@ -69,7 +70,7 @@ def move(m: mujoco.MjModel, d: mujoco.MjData, start: np.ndarray, end: np.ndarray
 
 
 def put(m: mujoco.MjModel, d: mujoco.MjData, pose: np.ndarray) -> None:
-    """Puts the open hand somewhere at once."""
+    """Puts the open gripper somewhere at once."""
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, pose[:3, :3].ravel())
     at = m.joint("hand").qposadr[0]

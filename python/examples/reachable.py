@@ -15,7 +15,7 @@ import graspmill
 import mujoco
 import numpy as np
 
-#: Where the arm stands, beside the table, with its x towards it; and where the hand's tips are in its last link.
+#: Where the arm stands, beside the table, with its x towards it; and where the gripper's tips are in its last link.
 WORKSPACE_FROM_BASE = np.eye(4)
 WORKSPACE_FROM_BASE[:3, 3] = -0.6, 0.15, 0.05
 OFF_M_MAX, OFF_RAD_MAX = 0.002, 0.02
@@ -100,13 +100,13 @@ class Arm:
 
 def main() -> None:
     urdf, link = (Path(sys.argv[1]).read_text(), sys.argv[2]) if len(sys.argv) > 2 else (ARM, "flange")
-    arm, hand = Arm.from_urdf(urdf, link), graspmill.Gripper.load("franka_hand")
-    assert hand.flange_from_grasp is not None
-    grasp_from_flange = np.linalg.inv(hand.flange_from_grasp)
+    arm, gripper = Arm.from_urdf(urdf, link), graspmill.Gripper.load("franka_hand")
+    assert gripper.flange_from_grasp is not None
+    grasp_from_flange = np.linalg.inv(gripper.flange_from_grasp)
     base_from_workspace = np.linalg.inv(WORKSPACE_FROM_BASE)
 
     def reachable(workspace_from_grasp: np.ndarray) -> np.ndarray:
-        before = workspace_from_grasp.copy()  # the arm must also get to where the hand approaches from
+        before = workspace_from_grasp.copy()  # the arm must also get to where the gripper approaches from
         before[:, :3, 3] -= 0.05 * before[:, :3, 2]
         there, here = (arm.reaches(base_from_workspace @ poses @ grasp_from_flange) for poses in (workspace_from_grasp, before))
         asked.append((len(there), int((there & here).sum())))
@@ -116,9 +116,9 @@ def main() -> None:
     boxes = [((0.04, 0.06, 0.05), (0.05, 0.15, 0.075)), ((0.03, 0.03, 0.10), (0.15, 0.22, 0.10)), ((0.05, 0.04, 0.04), (0.25, 0.15, 0.07))]
     scene = graspmill.Scene([graspmill.Object.cuboid(extents, (*at, 0, 0, 0, 1)) for extents, at in boxes])
     camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
-    planner = graspmill.Planner(gripper=hand)
+    planner = graspmill.Planner(gripper=gripper)
     plan = planner.plan(scene.render(camera), camera, accept_batch=reachable, base_from_workspace=base_from_workspace)
-    print(f"asked {len(asked)} times, about {sum(count for count, _ in asked)} hands; {sum(count for _, count in asked)} are in reach")
+    print(f"asked {len(asked)} times, about {sum(count for count, _ in asked)} grasps; {sum(count for _, count in asked)} are in reach")
     print(plan)
     flanges = np.stack([grasp.base_from_flange for grasp in plan if grasp.base_from_flange is not None])
     print(f"{arm.reaches(flanges).sum()} of {len(plan)} grasps are in reach of the arm")

@@ -178,7 +178,7 @@ def _neutral(file: str, gripper: str, folder: str) -> tuple[str, str | None]:
     try:
         grasps = grasp_files.read(file)
     except InputError:
-        # The file may not say where the hand's tips are.
+        # The file may not say where the gripper's tips are.
         grasps = grasp_files.read(file, gripper=gripper)
     arrow, parquet = module("pyarrow", "--relabel"), module("pyarrow.parquet", "--relabel")
     numbers = [*grasps.object_from_grasp[:, :3, 3].T, *_arrays.quaternions(grasps.object_from_grasp[:, :3, :3]).T]

@@ -123,11 +123,11 @@ def _scope(given: Mapping[str, Any], is_dataset: bool) -> dict[str, Any]:
         if not isinstance(given, Mapping) or not needed <= set(given):
             raise InputError(f"trained_for must be a dataset or have {', '.join(sorted(needed))}, got {_arrays.shown(given)}")
         return dict(given)
-    hands = given.get("grippers") or [given["gripper"]]
-    # Where a hand is mounted decides no label, and judges see hands of three boxes.
-    hands = [{name: value for name, value in hand.items() if name not in ("flange_from_grasp", "finger_tip")} for hand in hands]
-    spans = [[pick(hand[name] for hand in hands) for pick in (min, max)] for name in hands[0] if name != "name"]
+    grippers = given.get("grippers") or [given["gripper"]]
+    # Where a gripper is mounted decides no label, and judges see grippers of three boxes.
+    grippers = [{name: value for name, value in one.items() if name not in ("flange_from_grasp", "finger_tip")} for one in grippers]
+    spans = [[pick(one[name] for one in grippers) for pick in (min, max)] for name in grippers[0] if name != "name"]
     several = {"hands": spans} if any(low != high for low, high in spans) else {}
     way = {"pregrasp_distance_m": given["procedure"]["pregrasp_distance_m"], "grid": given["grid"]}
-    return {"gripper": hands[0], **several, **way}
+    return {"gripper": grippers[0], **several, **way}
 

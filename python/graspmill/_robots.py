@@ -17,7 +17,7 @@ from .errors import InputError
 
 Floats = NDArray[np.float64]
 
-#: Independent joints of a hand, each of which is tried at both of its limits.
+#: Independent joints of a gripper, each of which is tried at both of its limits.
 JOINTS_MAX = 8
 #: Seconds for which the actuators of a linkage move it.
 DRIVEN_S = 3.0
@@ -161,7 +161,7 @@ def _compiled(path: Path, text: str | None, assets: dict[str, bytes] | None) -> 
         raise InputError(f"{path} cannot be read: {error}") from error
 
 
-class Hand:
+class GripperModel:
     """A compiled description, and which of its shapes belong to which finger."""
 
     def __init__(self, path: Path, fingers: tuple[str, str], flange: str | None) -> None:
@@ -175,12 +175,12 @@ class Hand:
             raise InputError(f"fingers must be two links that move apart, got {fingers[0]} and {fingers[1]}, of which one carries the other")
         self.palm = next(body for body in ways[0] if body in ways[1])
         self.root = self.fixed_to(self.palm)
-        hand = [body for body in range(self.model.nbody) if self.root in self.way(body)]
-        self.joints = [joint for joint in range(self.model.njnt) if self.model.jnt_bodyid[joint] in hand and self.model.jnt_bodyid[joint] != self.root]
+        bodies = [body for body in range(self.model.nbody) if self.root in self.way(body)]
+        self.joints = [joint for joint in range(self.model.njnt) if self.model.jnt_bodyid[joint] in bodies and self.model.jnt_bodyid[joint] != self.root]
         for name, way in zip(fingers, ways):
             if not any(self.model.jnt_bodyid[joint] in way for joint in self.joints):
                 raise InputError(f"no joint moves {name} against the palm {self.name(self.root)}: {path}")
-        self.geoms = [geom for geom in range(self.model.ngeom) if self.model.geom_bodyid[geom] in hand]
+        self.geoms = [geom for geom in range(self.model.ngeom) if self.model.geom_bodyid[geom] in bodies]
         colliding = [geom for geom in self.geoms if self.model.geom_contype[geom] | self.model.geom_conaffinity[geom]]
         self.geoms = colliding or self.geoms
         carriers = [self.way(self.model.geom_bodyid[geom]) for geom in self.geoms]
@@ -209,12 +209,12 @@ class Hand:
         return any(self.model.jnt_bodyid[joint] in self.way(body) for joint in self.joints)
 
     def must_have_no_other_finger(self, are_near: list[bool]) -> None:
-        """Refuses a hand of which another part moves beside the tips; what carries a finger is its own."""
+        """Refuses a gripper of which another part moves beside the tips; what carries a finger is its own."""
         own = {body for finger in self.fingers for body in self.way(finger)}
         for geom, side, is_near in zip(self.geoms, self.sides, are_near):
             body = int(self.model.geom_bodyid[geom])
             if is_near and side is None and body not in own and self.moves(body):
-                raise InputError(f"a hand must have two fingers, and {self.name(body)} moves beside their tips, too: {self.path}")
+                raise InputError(f"a gripper must have two fingers, and {self.name(body)} moves beside their tips, too: {self.path}")
 
     def states(self) -> list[Floats]:
         """Positions of all joints that are tried: as the description has them, and at their limits."""
@@ -231,7 +231,7 @@ class Hand:
             except KeyError as error:
                 raise InputError(f"joint {name} mimics {leader}, which is no joint that moves: {self.path}") from error
         free = [joint for joint in self.joints if joint not in equal]
-        rule = f"a hand must have 1 to {JOINTS_MAX} joints that mimic no other, got {len(free)}: {self.path}"
+        rule = f"a gripper must have 1 to {JOINTS_MAX} joints that mimic no other, got {len(free)}: {self.path}"
         _arrays.must(0 < len(free) <= JOINTS_MAX, rule)
         for joint in free:
             _arrays.must(model.jnt_limited[joint], f"joint {model.joint(joint).name} must have limits: {self.path}")

@@ -30,7 +30,7 @@ POINTS_MIN, POINTS_MAX = 128, 65_536
 ANSWER_BYTES_MAX = 64 << 20
 #: The rows of a rotation, and a server's axes, have length 1 and are at right angles but for this.
 RIGID = 0.02
-#: Hands nearer to each other than this, turned by no more than that, are alike, half a turn apart or not.
+#: Grasps nearer to each other than this, turned by no more than that, are alike, half a turn apart or not.
 ALIKE_M, ALIKE_RAD = 0.01, math.radians(30)
 #: What reading JSON of strangers raises.
 _ODD = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
@@ -73,7 +73,7 @@ class ServedPlanner:
         self.id = f"served-{hashlib.sha256(text + struct.pack('<f', tips_m)).hexdigest()}"
 
     def __call__(self, look: Look) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Poses, scores and widths of what it answers, without the hands that failed."""
+        """Poses, scores and widths of what it answers, without the grasps that failed."""
         objects, rest = look.clouds()
         first, rows = look.cameras[0].workspace_from_camera, [np.empty((0, 9))]
         always = {"num_grasps": GRASPS, "down": look.down.tolist(), "eye_m": [0.0] * 3 if first is None else first[:3, 3].tolist()}

@@ -155,7 +155,7 @@ def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tens
 
 
 def _unturned(approach: Tensor) -> Tensor:
-    """The hand with an approach ``[B, 3, …]`` that the shortest rotation makes of the one from straight above."""
+    """The orientation with an approach ``[B, 3, …]`` that the shortest rotation makes of the one from straight above."""
     x, y, z = approach.unbind(1)
     return F.normalize(torch.stack([1 - z, torch.zeros_like(z), x, -y], dim=1), dim=1)
 

@@ -1,7 +1,7 @@
 """Grippers from the descriptions of their makers: boxes around the collision geometry of a URDF or MJCF (needs MuJoCo).
 
-    python -m graspmill.descriptions hand.urdf --fingers left_finger,right_finger
-    python -m graspmill.descriptions hand.urdf --fingers left,right --out hand.toml --force 40 --speed 0.05 --mass 0.06
+    python -m graspmill.descriptions gripper.urdf --fingers left_finger,right_finger
+    python -m graspmill.descriptions gripper.urdf --fingers left,right --out gripper.toml --force 40 --speed 0.05 --mass 0.06
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Sequence
@@ -16,7 +17,7 @@ from typing import Any, Sequence
 import numpy as np
 
 from . import _arrays, _native
-from ._robots import Floats, Hand
+from ._robots import Floats, GripperModel
 from .errors import GraspmillError, InputError
 from .grippers import LENGTHS, Gripper, lines
 
@@ -82,12 +83,12 @@ def _middle(triangles: Floats) -> Floats:
     return np.asarray((points.max(axis=0) + points.min(axis=0)) / 2)
 
 
-def _frame(hand: Hand, shapes: list[Floats]) -> tuple[Floats, Floats]:
+def _frame(gripper: GripperModel, shapes: list[Floats]) -> tuple[Floats, Floats]:
     """The grasp frame in the world: a rotation, whose columns are its axes, and the origin between the tips."""
-    axes = hand.data.xmat[hand.palm].reshape(3, 3)
-    sides = [np.concatenate([shape for shape, of in zip(shapes, hand.sides) if of == side]) for side in (0, 1)]
-    still = [shape for shape, geom in zip(shapes, hand.geoms) if not hand.moves(hand.model.geom_bodyid[geom])]
-    palm = _middle(np.concatenate(still)) if still else hand.data.xpos[hand.root]
+    axes = gripper.data.xmat[gripper.palm].reshape(3, 3)
+    sides = [np.concatenate([shape for shape, of in zip(shapes, gripper.sides) if of == side]) for side in (0, 1)]
+    still = [shape for shape, geom in zip(shapes, gripper.geoms) if not gripper.moves(gripper.model.geom_bodyid[geom])]
+    palm = _middle(np.concatenate(still)) if still else gripper.data.xpos[gripper.root]
     y = _along(axes, _middle(sides[1]) - _middle(sides[0]))
     towards = (_middle(sides[0]) + _middle(sides[1])) / 2 - palm
     z = _along(axes, towards - y * (y @ towards))
@@ -102,11 +103,11 @@ def _frame(hand: Hand, shapes: list[Floats]) -> tuple[Floats, Floats]:
     return turn, turn @ origin
 
 
-def _opening(hand: Hand, shapes: list[Floats]) -> float:
-    turn, origin = _frame(hand, shapes)
+def _opening(gripper: GripperModel, shapes: list[Floats]) -> float:
+    turn, origin = _frame(gripper, shapes)
     inner = []
     for side in (0, 1):
-        points = _cut(np.concatenate([(shape - origin) @ turn for shape, of in zip(shapes, hand.sides) if of == side]), -PAD_M)
+        points = _cut(np.concatenate([(shape - origin) @ turn for shape, of in zip(shapes, gripper.sides) if of == side]), -PAD_M)
         if not len(points):  # one finger is far behind the other
             return -np.inf
         inner.append(float((points[:, 1] * np.sign(points[:, 1].mean())).min()))
@@ -118,24 +119,24 @@ def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, fl
     allow. Nothing of the geometry is outside the boxes. Where no shape collides, all count.
 
     Args:
-        path: A URDF (its name ends in .urdf; expand xacro files before) or an MJCF file, of the hand or of a whole robot.
+        path: A URDF (its name ends in .urdf; expand xacro files before) or an MJCF file, of the gripper or of a whole robot.
         fingers: The names of the two links, or bodies, that touch the object; +y of the grasp frame is from the first to the second.
-        flange: The link whose frame is the robot's flange. By default the description's origin, if the hand stands fixed there.
+        flange: The link whose frame is the robot's flange. By default the description's origin, if the gripper stands fixed there.
 
-    Raises InputError if MuJoCo is missing, or the description has no such hand; the message names the link, joint or file.
+    Raises InputError if MuJoCo is missing, or the description has no such gripper; the message names the link, joint or file.
     """
     if (count := 1 if isinstance(fingers, str) else len(fingers)) != 2:
         raise InputError(f"fingers must be two links, got {count}: graspmill has parallel jaws only")
-    hand = Hand(Path(_arrays.path("path", path)), (fingers[0], fingers[1]), flange)
-    states = hand.states()
-    openings = [_opening(hand, hand.shapes(state)) for state in states]
+    gripper = GripperModel(Path(_arrays.path("path", path)), (fingers[0], fingers[1]), flange)
+    states = gripper.states()
+    openings = [_opening(gripper, gripper.shapes(state)) for state in states]
     opening = max(openings)
     if opening < 0.001:
-        raise InputError(f"the jaws {fingers[0]} and {fingers[1]} must open, and are {1e3 * opening:.1f} mm apart at best: {hand.path}")
-    shapes = hand.shapes(states[openings.index(opening)])
-    turn, origin = _frame(hand, shapes)
+        raise InputError(f"the jaws {fingers[0]} and {fingers[1]} must open, and are {1e3 * opening:.1f} mm apart at best: {gripper.path}")
+    shapes = gripper.shapes(states[openings.index(opening)])
+    turn, origin = _frame(gripper, shapes)
     local = [(shape - origin) @ turn for shape in shapes]
-    hand.must_have_no_other_finger([float(shape[..., 2].max()) > -PAD_M for shape in local])
+    gripper.must_have_no_other_finger([float(shape[..., 2].max()) > -PAD_M for shape in local])
     everything = np.concatenate(local)
     length = _finger_length(everything, opening)
     (width, thickness), palm = _boxes(everything, opening, length)
@@ -143,10 +144,10 @@ def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, fl
     # Outwards to tenths of a millimetre.
     outwards = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
     return GripperBoxes(
-        path=hand.path,
+        path=gripper.path,
         **outwards,
         opening_m_min=max(0.0, min(value for value in openings if np.isfinite(value))),
-        flange_from_grasp=_flange(hand, turn, origin),
+        flange_from_grasp=_flange(gripper, turn, origin),
     )
 
 
@@ -169,13 +170,13 @@ def _finger_length(everything: Floats, opening: float) -> float:
     return best[1]
 
 
-def _flange(hand: Hand, turn: Floats, origin: Floats) -> Floats | None:
+def _flange(gripper: GripperModel, turn: Floats, origin: Floats) -> Floats | None:
     world_from_grasp = np.eye(4)
     world_from_grasp[:3, :3], world_from_grasp[:3, 3] = turn, origin
     world_from_flange = np.eye(4)
-    if hand.flange is not None:
-        world_from_flange[:3, :3], world_from_flange[:3, 3] = hand.data.xmat[hand.flange].reshape(3, 3), hand.data.xpos[hand.flange]
-    elif any(hand.model.body_jntnum[body] for body in hand.way(hand.root)):
+    if gripper.flange is not None:
+        world_from_flange[:3, :3], world_from_flange[:3, 3] = gripper.data.xmat[gripper.flange].reshape(3, 3), gripper.data.xpos[gripper.flange]
+    elif any(gripper.model.body_jntnum[body] for body in gripper.way(gripper.root)):
         return None
     return np.linalg.inv(world_from_flange) @ world_from_grasp
 
@@ -185,6 +186,14 @@ def _said(boxes: GripperBoxes) -> str:
     rows = [f"{key:<20}{1e3 * getattr(boxes, key):>8.1f} mm" for key in ("opening_m_min", *LENGTHS[:7])]
     rows.append(f"flange_from_grasp   {'not known: give --flange' if flange is None else (1e3 * flange[:3, 3]).round(1).tolist()}")
     return "\n".join(rows)
+
+
+def __getattr__(name: str) -> Any:
+    """The former name of :class:`GripperBoxes`, for one more version."""
+    if name != "HandBoxes":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    warnings.warn("HandBoxes is GripperBoxes now", DeprecationWarning, stacklevel=2)
+    return GripperBoxes
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -204,7 +213,7 @@ def main(words: Sequence[str] | None = None) -> int:
                 raise InputError("--out needs --mass, --force and --speed, which no description tells")
             name = Path(given.out).stem
             gripper = boxes.gripper(name, finger_mass_kg=given.mass, finger_force_n=given.force, closing_speed_m_s=given.speed)
-            head = f"# Boxes around the collision geometry of {boxes.path.name}. Compare them with the real hand."
+            head = f"# Boxes around the collision geometry of {boxes.path.name}. Compare them with the real gripper."
             _native.publish(given.out, "\n".join([head, *lines(gripper, 6), ""]))
     except GraspmillError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -35,9 +35,9 @@ class Look:
         cameras: The cameras, as :meth:`Planner.plan` takes them.
         objects: Of each camera the object that each pixel shows in truth, ``[height, width]`` int32, from 0; −1 where it shows none.
         object_count: Number of objects on the table; some may be hidden.
-        failed: ``[N, 4, 4]``, hands that failed on this scene, if the experiment tells them (``stop.avoid_failed``).
+        failed: ``[N, 4, 4]``, grasps that failed on this scene, if the experiment tells them (``stop.avoid_failed``).
         down: The direction of gravity, ``[3]``.
-        gripper: The hand that will execute the grasp.
+        gripper: The gripper that will execute the grasp.
         workspace_size_m: Side of the workspace for :meth:`Planner.plan`; ``None`` for its default.
     """
 
@@ -135,7 +135,7 @@ def experiment(
 
 def play(work: _native.Experiment, planner: Callable[[Look], Planned] | None, tell: Progress | None) -> str:
     """Plays the rounds that are missing; their rates in a few lines."""
-    gripper = Gripper._of(work.hand())
+    gripper = Gripper._of(work.gripper())
     try:
         while (in_short := work.in_short) is None:
             seen = work.soon()

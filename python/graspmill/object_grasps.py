@@ -39,25 +39,25 @@ class ObjectGrasps:
     Args:
         name: The object's name.
         object_from_grasp: ``[N, 4, 4]``: +z approach, +y closing direction, origin midway between the tips, in metres.
-        held: ``[N]`` bool, whether the object bore the test in the hand; ``None`` where a file has no labels.
+        held: ``[N]`` bool, whether the object bore the test in the gripper; ``None`` where a file has no labels.
         outcome: ``[N]``, names of ``graspmill.OUTCOMES``; ``None`` where a file has none.
         file: The mesh that the object was read from; ``scale_m`` is metres per unit of that file.
         source: ``[N]``, how each was drawn: ``antipodal``, ``normal``, ``displaced``, or ``given`` by others.
         width_m: ``[N]`` metres between the fingers after closing.
         contacts_m: ``[N, 2, 3]``, where the left (−y) and the right finger press, and ``normals``, the object's outward ones there.
-        closing_moved_m: ``[N]``, how far the centre of mass moved (ACRONYM's may be the frame's origin) while the hand closed, and
+        closing_moved_m: ``[N]``, how far the centre of mass moved (ACRONYM's may be the frame's origin) while the gripper closed, and
             ``closing_turned_rad``, how far the object turned.
-        test_moved_m: ``[N]``, how far it was moved in the hand at the end of the test, and ``test_turned_rad``, how far it was
+        test_moved_m: ``[N]``, how far it was moved in the gripper at the end of the test, and ``test_turned_rad``, how far it was
             turned; of several loads the largest.
-        friction_min: ``[N]``, the smallest friction coefficient at which the hand bears its weight in six directions.
+        friction_min: ``[N]``, the smallest friction coefficient at which the grip bears its weight in six directions.
         tug_max_g: ``[N]``, the strongest pull that it bears in six directions, in g.
         robust_share: ``[N]``, the share of its repeats, with errors of the pose, that held.
-        on_table_share: ``[N]``, the share of the drops in whose stable poses the hand stays off the table.
+        on_table_share: ``[N]``, the share of the drops in whose stable poses the gripper stays off the table.
         score: ``[N]``, the number of a file by others: isaac_grasp's confidence, GraspNet's score.
-        is_free_on_table: ``[N, P]`` bool, whether the hand stays off the table in each of ``P`` stable poses.
+        is_free_on_table: ``[N, P]`` bool, whether the gripper stays off the table in each of ``P`` stable poses.
         stable_poses: How the object rests: probabilities and ``table_from_object`` ``[4, 4]``, z up from the table's top.
-        base_to_tips_m: From the hand's base to its tips, along the approach; ``None`` if it is not known.
-        info: What else is known: the object, the hand, the test, the settings (``NAME.json``).
+        base_to_tips_m: From the gripper's base to its tips, along the approach; ``None`` if it is not known.
+        info: What else is known: the object, the gripper, the test, the settings (``NAME.json``).
         opening_m: ``[N]``, metres between the fingers before closing, where each grasp has its own.
     """
 

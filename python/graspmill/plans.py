@@ -34,10 +34,10 @@ class PlanFileOptions(TypedDict, total=False):
     Attributes:
         frame: The frame of the poses: ``"base"``, ``"camera"`` or ``"workspace"``; by default the first that the plan knows.
         frame_id: The name of that frame in the file, such as that of a TF frame; by default ``frame``. GraspNet has none.
-        gripper: The hand, where the plan's has no ``flange_from_grasp``; of moveit also the force of its fingers.
-        base_to_tips_m: From the base of the hand, or moveit's parent link, to its tips. GraspNet does not need it.
-        closing_axis: Along which axis of the base the hand closes, by default ``"y"``; of moveit it goes with ``base_to_tips_m``.
-        joints: Of moveit: the fingers' joints, and how far each moves for a metre between them; by default of a Franka hand alone.
+        gripper: The gripper, where the plan's has no ``flange_from_grasp``; of moveit also the force of its fingers.
+        base_to_tips_m: From the base of the gripper, or moveit's parent link, to its tips. GraspNet does not need it.
+        closing_axis: Along which axis of the base the gripper closes, by default ``"y"``; of moveit it goes with ``base_to_tips_m``.
+        joints: Of moveit: the fingers' joints, and how far each moves for a metre between them; by default of a Franka Hand alone.
     """
 
     frame: Frame | None
@@ -214,7 +214,7 @@ class Plan(Immutable, Sequence[Grasp]):
             format: ``"isaac_grasp"`` (by default for .yaml), ``"graspnet"`` (.npy), or ``"moveit"`` (needs PyYAML): the messages of
                 :meth:`moveit_grasps` in a list ``grasps``. ``docs/exporting.md`` has the frames.
 
-        Raises InputError if the plan does not know the frame, or where the base of the hand is; OutsideError if the disk fails.
+        Raises InputError if the plan does not know the frame, or where the base of the gripper is; OutsideError if the disk fails.
         """
         from .formats import plans
 
@@ -222,7 +222,7 @@ class Plan(Immutable, Sequence[Grasp]):
 
     def moveit_grasps(self, **options: Unpack[PlanFileOptions]) -> list[dict[str, Any]]:
         """The grasps with the fields of ``moveit_msgs/Grasp``, best first, with :class:`PlanFileOptions`. What is not known is left
-        out: the posture of a hand whose joints are not known, and that of closed fingers where the width was not seen.
+        out: the posture of a gripper whose joints are not known, and that of closed fingers where the width was not seen.
 
         Raises InputError if the plan does not know the frame, or where the robot's last link is.
         """

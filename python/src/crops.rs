@@ -1,4 +1,4 @@
-//! What a judge sees of hands, for networks of others.
+//! What a judge sees of grasps, for networks of others.
 
 use network::judge::{BOX, CHANNELS, Crop, FACTS, JudgeInputs, PaddedGrid, WIDE_BOX, WIDE_CHANNELS};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
@@ -11,17 +11,17 @@ use crate::fault::{array, free, raised, reserved, room};
 use crate::pool::on_threads;
 use crate::scene::{Simulation, poses};
 
-/// Hands that one thread cuts out together.
+/// Grasps that one thread cuts out together.
 const TOGETHER: usize = 16;
 
-/// Hands that are cut out before they are added to the others, and between two looks for a signal.
+/// Grasps that are cut out before they are added to the others, and between two looks for a signal.
 const AT_A_TIME: usize = 1024;
 
-/// Values of a hand: its crop, its surroundings, its facts.
+/// Values of a grasp: its crop, its surroundings, its facts.
 const VALUES: [usize; 3] =
     [BOX[0] * BOX[1] * BOX[2] * CHANNELS, WIDE_BOX[0] * WIDE_BOX[1] * WIDE_BOX[2] * WIDE_CHANNELS, FACTS];
 
-/// How some hands are seen in grids of one kind.
+/// How some grippers are seen in grids of one kind.
 #[pyclass(frozen, module = "graspmill._native")]
 #[derive(Debug)]
 pub(crate) struct Crops {
@@ -30,24 +30,24 @@ pub(crate) struct Crops {
 }
 
 impl Crops {
-    pub(crate) fn of<'a>(hands: impl Iterator<Item = (&'a schema::Gripper, f32)>, grid: &Grid) -> Self {
-        let crops = hands.map(|(gripper, pregrasp_m)| Crop::new(gripper, pregrasp_m, grid)).collect();
+    pub(crate) fn of<'a>(grippers: impl Iterator<Item = (&'a schema::Gripper, f32)>, grid: &Grid) -> Self {
+        let crops = grippers.map(|(gripper, pregrasp_m)| Crop::new(gripper, pregrasp_m, grid)).collect();
         Self { crops, resolution: grid.resolution }
     }
 }
 
 #[pymethods]
 impl Crops {
-    /// Of one hand, in grids of so many voxels along a side, of a size, with the table's top at a height, in metres.
+    /// Of one gripper, in grids of so many voxels along a side, of a size, with the table's top at a height, in metres.
     #[new]
-    fn new(hand: &Simulation, resolution: usize, size_m: f32, table_z_m: f32) -> Self {
+    fn new(simulation: &Simulation, resolution: usize, size_m: f32, table_z_m: f32) -> Self {
         let grid = Grid { resolution, size_m, table_z_m };
-        Self::of([(&hand.gripper, hand.procedure.pregrasp_distance_m)].into_iter(), &grid)
+        Self::of([(&simulation.gripper, simulation.procedure.pregrasp_distance_m)].into_iter(), &grid)
     }
 
     /// Crops, surroundings and facts, flat, of poses in grids (flat; VGN's values). Of each pose its grid's place among
-    /// them, which of the hands it is, the number of views, and whether it is mirrored in x (1), y (2) or both (3). And
-    /// of each whether it hits the table for certain, so that there is nothing to ask.
+    /// them, which of the grippers it is of, the number of views, and whether it is mirrored in x (1), y (2) or both
+    /// (3). And of each whether it hits the table for certain, so that there is nothing to ask.
     #[expect(clippy::type_complexity, reason = "its caller in Python unpacks it")]
     fn see<'py>(
         &self,
@@ -56,10 +56,10 @@ impl Crops {
         workspace_from_grasp: PyReadonlyArray2<'_, f32>,
         rows: PyReadonlyArray2<'_, u32>,
     ) -> PyResult<([Bound<'py, PyArray1<f32>>; 3], Bound<'py, PyArray1<bool>>)> {
-        // A grid is held again as it came, and padded, with two numbers for each of its own. Of the hands that are cut
+        // A grid is held again as it came, and padded, with two numbers for each of its own. Of the grasps that are cut
         // out there is a copy, and what is being made.
-        let hands = workspace_from_grasp.as_array().nrows();
-        let values = VALUES.iter().sum::<usize>() * (hands + 2 * hands.min(AT_A_TIME));
+        let grasps = workspace_from_grasp.as_array().nrows();
+        let values = VALUES.iter().sum::<usize>() * (grasps + 2 * grasps.min(AT_A_TIME));
         room(size_of::<f32>() * (4 * grids.as_array().len() + values))?;
         let (grids, poses) = (grids.as_array(), poses(&workspace_from_grasp));
         let rows: Vec<[usize; 4]> =
@@ -70,9 +70,9 @@ impl Crops {
         let padded: Vec<PaddedGrid> = free(py, || on_threads(0, pad_all))?;
         let part = |(poses, rows): (&[schema::Pose], &[[usize; 4]])| {
             let mut inputs = JudgeInputs::with_capacity(poses.len());
-            for (pose, [grid, hand, views, mirrored]) in poses.iter().zip(rows) {
+            for (pose, [grid, gripper, views, mirrored]) in poses.iter().zip(rows) {
                 let mirrored = [mirrored & 1 == 1, mirrored & 2 == 2];
-                inputs.push(&self.crops[*hand], &padded[*grid], pose, *views, mirrored);
+                inputs.push(&self.crops[*gripper], &padded[*grid], pose, *views, mirrored);
             }
             inputs.without_padding()
         };

@@ -191,16 +191,16 @@ impl Dataset {
         Ok((Scene { scene, container }, simulation, found))
     }
 
-    /// The samples of some scenes of a shard, ascending, of voxels or of hands: their grids, flat in one array; of each
-    /// sample its pose (`[N, 7]`; of voxels at the network's origin) and its opening; and of each its scene's place
-    /// among them, its attempt, its outcome, the number of its hand and that of its scene's views (`[N, 5]`).
+    /// The samples of some scenes of a shard, ascending, of voxels or of grasps: their grids, flat in one array; of
+    /// each sample its pose (`[N, 7]`; of voxels at the network's origin) and its opening; and of each its scene's
+    /// place among them, its attempt, its outcome, the number of its gripper and that of its scene's views (`[N, 5]`).
     #[expect(clippy::type_complexity, reason = "its caller in Python unpacks it")]
     fn samples<'py>(
         &self,
         py: Python<'py>,
         shard: u32,
         scenes: Vec<u64>,
-        of_hands: bool,
+        of_grasps: bool,
         origin_behind_tips_m: f32,
     ) -> PyResult<(
         Bound<'py, PyArray1<f32>>,
@@ -212,22 +212,23 @@ impl Dataset {
         if !scenes.is_sorted() || scenes.iter().any(|scene| !(first..end).contains(scene)) {
             return Err(wrong(format!("scenes of shard {shard} must be ascending, from {first} to below {end}")));
         }
-        let (dataset, hands) = (self.read()?, self.dataset.info().grippers().len() as u64);
+        let (dataset, grippers) = (self.read()?, self.dataset.info().grippers().len() as u64);
         let read = || {
             let mut grids = reserved(scenes.len() * dataset.info().grid.len())?;
             let mut samples = Vec::new();
             for (place, rows) in (0_u32..).zip(dataset.some_scenes(shard, scenes)?) {
                 let SceneRows { scene, attempts, .. } = rows?;
                 grids.extend(scene.tsdf);
-                let (hand, views) = ((scene.scene_id % hands) as u32, scene.views.len() as u32);
-                let own = if of_hands { attempts } else { samples_of(&attempts) };
-                samples
-                    .extend(own.into_iter().map(|row| ([place, row.attempt_id, row.outcome as u32, hand, views], row)));
+                let (gripper, views) = ((scene.scene_id % grippers) as u32, scene.views.len() as u32);
+                let own = if of_grasps { attempts } else { samples_of(&attempts) };
+                samples.extend(
+                    own.into_iter().map(|row| ([place, row.attempt_id, row.outcome as u32, gripper, views], row)),
+                );
             }
             Ok::<_, Failure>((grids, samples))
         };
         let (grids, samples) = free(py, read)?;
-        let origin = GraspOrigin::behind_tips(if of_hands { 0.0 } else { origin_behind_tips_m });
+        let origin = GraspOrigin::behind_tips(if of_grasps { 0.0 } else { origin_behind_tips_m });
         let at_origin = |row: &AttemptRecord| Pose {
             translation: origin.of_m(&row.workspace_from_grasp),
             ..row.workspace_from_grasp
@@ -241,11 +242,11 @@ impl Dataset {
         ))
     }
 
-    /// How its hands are seen by a judge.
+    /// How its grippers are seen by a judge.
     fn crops(&self) -> Crops {
         let info = self.dataset.info();
-        let hands = info.grippers().iter().map(|hand| (hand, info.procedure.pregrasp_distance_m));
-        Crops::of(hands, &info.grid)
+        let grippers = info.grippers().iter().map(|gripper| (gripper, info.procedure.pregrasp_distance_m));
+        Crops::of(grippers, &info.grid)
     }
 
     /// The set of every attempt as the trainer splits them for the paper's network, or for a judge: 0 for none, 1 to
@@ -256,7 +257,7 @@ impl Dataset {
         seed: u64,
         by: &str,
         shares: [f64; 2],
-        of_hands: bool,
+        of_grasps: bool,
         origin_behind_tips_m: f32,
     ) -> PyResult<Bound<'py, PyArray1<u8>>> {
         let by = if by == "scene" { SplitBy::Scene } else { SplitBy::Attempt };
@@ -269,7 +270,7 @@ impl Dataset {
         let marked = || {
             let datasets = [shards::Dataset::open(location)?];
             let marks = on_threads(0, || {
-                if of_hands {
+                if of_grasps {
                     marks_of(&datasets, judge, seed, &config)
                 } else {
                     marks_of(&datasets, voxel, seed, &config)

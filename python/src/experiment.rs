@@ -122,7 +122,7 @@ impl Seen {
         self.views.iter().map(camera).collect()
     }
 
-    /// Hands that failed, `[N, 7]`.
+    /// Grasps that failed, `[N, 7]`.
     fn failed<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         rows(py, self.failed.iter().copied())
     }
@@ -176,8 +176,8 @@ impl Experiment {
         Ok(Self { work, config, answer: None, in_short: None })
     }
 
-    /// The hand that executes.
-    fn hand(&self) -> Simulation {
+    /// The gripper that executes.
+    fn gripper(&self) -> Simulation {
         let generator::Config { physics, procedure, settle, grid, .. } = &self.config.scene;
         Simulation {
             gripper: self.config.plan.gripper.clone(),

@@ -58,20 +58,20 @@ impl Request {
 
 #[pymethods]
 impl Planner {
-    /// A planner with settings (a name or a file), a network's file, and a hand.
+    /// A planner with settings (a name or a file), a network's file, and a gripper.
     #[new]
     fn new(
         py: Python<'_>,
         config: Option<PathBuf>,
         model: Option<PathBuf>,
-        hand: Option<&Simulation>,
+        gripper: Option<&Simulation>,
         threads: usize,
     ) -> PyResult<Self> {
         room(PLANNER_BYTES)?;
-        let hand = hand.map(|simulation| simulation.gripper.clone());
+        let gripper = gripper.map(|simulation| simulation.gripper.clone());
         let made = || {
             let mut config = Config::load(config.as_deref())?;
-            config.gripper = hand.unwrap_or(config.gripper);
+            config.gripper = gripper.unwrap_or(config.gripper);
             match &model {
                 Some(model) => planner::Planner::new(model, config),
                 None => planner::Planner::built_in(config),
@@ -94,7 +94,7 @@ impl Planner {
         &self.planner.model_id
     }
 
-    /// The hand's name.
+    /// The gripper's name.
     #[getter]
     fn gripper_name(&self) -> &str {
         &self.planner.config.gripper.name

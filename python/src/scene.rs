@@ -59,7 +59,7 @@ pub(crate) fn camera([width, height, fx_px, fy_px, cx_px, cy_px]: [f32; 6], at: 
     Camera { intrinsics, workspace_from_camera: pose(at) }
 }
 
-/// The simulation of an attempt and of rest: a hand, an engine, a procedure.
+/// The simulation of an attempt and of rest: a gripper, an engine, a procedure.
 #[pyclass(frozen, module = "graspmill._native")]
 #[derive(Debug)]
 pub(crate) struct Simulation {
@@ -80,12 +80,12 @@ impl Simulation {
         let config = Config::load(config.as_deref(), overrides).map_err(|error| raised(&error.into()))?;
         let Config { physics, procedure, settle, grid, gripper, .. } = config;
         let Some(gripper) = gripper.only().cloned() else {
-            return Err(wrong("gripper must be one hand, got several or ranges"));
+            return Err(wrong("gripper must be one, got several or ranges"));
         };
         Ok(Self { gripper, physics, procedure, settle, grid })
     }
 
-    /// The same with some keys set: the rest stays as it is, the hand, too, unless it is set.
+    /// The same with some keys set: the rest stays as it is, the gripper, too, unless it is set.
     fn adjusted(&self, set: Vec<(String, String)>) -> PyResult<Self> {
         let own =
             [("physics", json!(self.physics)), ("procedure", json!(self.procedure)), ("settle", json!(self.settle))];
@@ -93,12 +93,12 @@ impl Simulation {
             let values = values.as_object().into_iter().flatten();
             values.map(move |(key, value)| (format!("{section}.{key}"), value.to_string()))
         });
-        let is_other_hand = set.iter().any(|(key, _)| key == "gripper" || key.starts_with("gripper."));
+        let is_other_gripper = set.iter().any(|(key, _)| key == "gripper" || key.starts_with("gripper."));
         let made = Self::new(None, own.chain(set).collect())?;
-        Ok(if is_other_hand { made } else { Self { gripper: self.gripper.clone(), ..made } })
+        Ok(if is_other_gripper { made } else { Self { gripper: self.gripper.clone(), ..made } })
     }
 
-    /// The hand's numbers, by their names in its file.
+    /// The gripper's numbers, by their names in its file.
     #[getter]
     fn gripper(&self) -> Vec<(&'static str, f32)> {
         self.gripper.numbers().to_vec()
@@ -110,7 +110,7 @@ impl Simulation {
         self.gripper.finger_tip.map(|tip| [tip.thickness_m, tip.length_m])
     }
 
-    /// The hand's name.
+    /// The gripper's name.
     #[getter]
     fn gripper_name(&self) -> &str {
         &self.gripper.name
@@ -123,7 +123,7 @@ impl Simulation {
         Some(parts.position_m.into_iter().chain(parts.quaternion_xyzw).collect())
     }
 
-    /// Names of the hands that need no file.
+    /// Names of the grippers that need no file.
     #[staticmethod]
     fn gripper_names() -> Vec<&'static str> {
         Gripper::BUILT_IN.map(|(name, _)| name).to_vec()

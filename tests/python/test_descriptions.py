@@ -11,12 +11,13 @@ from grasp_sets import graspmill, refused
 
 pytest.importorskip("mujoco")
 
+from graspmill import descriptions  # noqa: E402
 from graspmill.descriptions import from_description, main  # noqa: E402
 from programs import ran  # noqa: E402
 
 FINGERS = ("left", "right")
 #: Jaws of 10 x 8 x 40 mm, whose inner faces are 2 to 62 mm apart, on a palm of 40 x 120 x 60 mm.
-URDF = """<robot name="hand"><link name="base">{palm}</link>
+URDF = """<robot name="gripper"><link name="base">{palm}</link>
 <link name="left">{jaw}</link><link name="right">{jaw}</link>{more}
 <joint name="drive" type="prismatic"><parent link="base"/><child link="left"/><origin xyz="0 0.005 0.06"/><axis xyz="0 1 0"/>
   <limit lower="0" upper="0.03" effort="10" velocity="0.1"/></joint>
@@ -36,7 +37,7 @@ def mesh(name, at):
 
 
 def urdf(folder, palm=shape(PALM, (0, 0, 0.03)), jaw=shape(JAW, (0, 0, 0.02)), more="", mimic=MIMIC, kind="prismatic"):
-    path = folder / "hand.urdf"
+    path = folder / "gripper.urdf"
     path.write_text(URDF.format(palm=palm, jaw=jaw, more=more, mimic=mimic, kind=kind))
     return path
 
@@ -95,21 +96,21 @@ def test_a_urdf_opens_by_its_master_joint_and_its_boxes_are_its_shapes(tmp_path)
 
 @pytest.mark.parametrize(("ending", "of"), [("stl", stl), ("obj", obj), ("dae", collada)])
 def test_meshes_are_followed_also_those_of_packages(tmp_path, ending, of):
-    (tmp_path / "my_hand" / "meshes").mkdir(parents=True)
-    (tmp_path / "my_hand" / "urdf").mkdir()
+    (tmp_path / "my_gripper" / "meshes").mkdir(parents=True)
+    (tmp_path / "my_gripper" / "urdf").mkdir()
     for name, size in (("palm", PALM), ("jaw", JAW)):
         data = of(size)
-        (tmp_path / "my_hand" / "meshes" / f"{name}.{ending}").write_bytes(data if isinstance(data, bytes) else data.encode())
+        (tmp_path / "my_gripper" / "meshes" / f"{name}.{ending}").write_bytes(data if isinstance(data, bytes) else data.encode())
     path = urdf(
-        tmp_path / "my_hand" / "urdf",
-        palm=mesh(f"package://my_hand/meshes/palm.{ending}", (0, 0, 0.03)),
+        tmp_path / "my_gripper" / "urdf",
+        palm=mesh(f"package://my_gripper/meshes/palm.{ending}", (0, 0, 0.03)),
         jaw=mesh(f"../meshes/jaw.{ending}", (0, 0, 0.02)),
     )
     boxes = from_description(path, FINGERS)
     assert np.allclose(sizes(boxes), EXPECTED, atol=6e-4) and np.isclose(boxes.opening_m_max, 0.062)
 
 
-#: A four-bar finger would close on itself: here two links are tied by a point, and a motor opens the hand.
+#: A four-bar finger would close on itself: here two links are tied by a point, and a motor opens the gripper.
 MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="mount" pos="0 0 0.01"><geom type="box" size=".02 .06 .03" pos="0 0 .02"/>
   <body name="left" pos="0 0.009 0.05"><joint name="l" type="slide" axis="0 1 0" range="0 0.03" damping="1"/><geom type="box" size=".005 .004 .02" pos="0 0 .02" mass=".1"/></body>
   <body name="right" pos="0 -0.009 0.05"><joint name="r" type="slide" axis="0 -1 0" range="0 0.03" damping="1"/><geom type="box" size=".005 .004 .02" pos="0 0 .02" mass=".1"/>
@@ -126,7 +127,7 @@ MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="mount" pos="0
     ],
 )
 def test_a_model_of_mujoco_opens_by_its_joints_or_its_motors(tmp_path, equality, actuator):
-    path = tmp_path / "hand.xml"
+    path = tmp_path / "gripper.xml"
     path.write_text(MJCF.format(equality=equality, actuator=actuator))
     boxes = from_description(path, FINGERS)
     assert abs(boxes.opening_m_max - 2 * (0.009 + 0.03 - 0.004)) < 0.0012 and abs(boxes.opening_m_min - 0.01) < 0.0012
@@ -146,7 +147,7 @@ THIRD = f"""<link name="thumb">{shape(JAW, (0.03, 0, 0.02))}</link><joint name="
         ({}, ("left",), "fingers must be two links, got 1"),
         ({}, ("left", "right", "base"), "fingers must be two links, got 3"),
         ({}, ("left", "base"), "of which one carries the other"),
-        ({"more": THIRD}, FINGERS, "a hand must have two fingers, and thumb moves beside their tips"),
+        ({"more": THIRD}, FINGERS, "a gripper must have two fingers, and thumb moves beside their tips"),
         ({"kind": "fixed", "mimic": ""}, FINGERS, "no joint moves right"),
         ({"mimic": '<mimic joint="nothing"/>'}, FINGERS, "joint follow mimics nothing"),
         ({"jaw": mesh("jaw.stl", (0, 0, 0))}, FINGERS, "the mesh of link left cannot be read"),
@@ -155,14 +156,14 @@ THIRD = f"""<link name="thumb">{shape(JAW, (0.03, 0, 0.02))}</link><joint name="
         ({"jaw": "<what"}, FINGERS, "must be a URDF, got"),
     ],
 )
-def test_what_is_no_hand_is_named(tmp_path, made, fingers, why, capsys):
+def test_what_is_no_gripper_is_named(tmp_path, made, fingers, why, capsys):
     path = urdf(tmp_path, **made)
     refused(why, lambda: from_description(path, fingers))
     assert main([str(path), "--fingers", ",".join(fingers)]) == 78
     assert why in capsys.readouterr().err
 
 
-def test_a_hand_that_never_opens_is_named(tmp_path):
+def test_a_gripper_that_never_opens_is_named(tmp_path):
     path = urdf(tmp_path)
     path.write_text(path.read_text().replace("0.005 0.06", "0.0041 0.06").replace("0.03\"", "0.00001\""))
     refused("left and right must open, and are 0.2 mm apart at best", lambda: from_description(path, FINGERS))
@@ -177,3 +178,10 @@ def test_the_command_writes_a_file(tmp_path):
     loaded = graspmill.Gripper.load(tmp_path / "mine.toml")
     assert np.isclose(loaded.finger_thickness_m, 0.008, atol=2e-4) and np.allclose(loaded.flange_from_grasp[:3, 3], [0, 0, 0.1], atol=1e-5)
     assert "--out needs --mass, --force and --speed" in ran(*words, cwd=tmp_path, code=78).stderr
+
+
+def test_the_former_name_of_the_boxes_is_deprecated():
+    with pytest.warns(DeprecationWarning, match="HandBoxes is GripperBoxes now"):
+        assert descriptions.HandBoxes is descriptions.GripperBoxes
+    with pytest.raises(AttributeError, match="no attribute 'HandBox'"):
+        descriptions.HandBox  # noqa: B018

@@ -51,7 +51,7 @@ def test_mujoco_lifts_what_was_planned(tmp_path):
 def test_an_arm_reaches_what_was_planned_for_it(tmp_path):
     pytest.importorskip("mujoco")
     said = run(tmp_path, "reachable.py")
-    asked, reached = map(int, re.search(r"about (\d+) hands; (\d+) are in reach", said).groups())
+    asked, reached = map(int, re.search(r"about (\d+) grasps; (\d+) are in reach", said).groups())
     in_reach, planned = map(int, re.search(r"(\d+) of (\d+) grasps are in reach", said).groups())
     assert 0 < reached < asked and in_reach == planned > 3
 

@@ -280,8 +280,8 @@ def test_what_cannot_be_is_refused_and_nothing_of_others_is_touched(vgn, points,
 
 def test_datasets_that_do_not_fit_vgn_are_refused(tmp_path):
     refused("grids of 40\\^3 voxels, the dataset has 64\\^3", lambda: formats.vgn.check({"grid": {"resolution": 64}}))
-    hands = {"grid": {"resolution": 40}, "gripper": {}, "grippers": [{}, {}]}
-    refused("VGN's format has one hand, the dataset has 2", lambda: formats.vgn.check(hands))
+    several = {"grid": {"resolution": 40}, "gripper": {}, "grippers": [{}, {}]}
+    refused("VGN's format has one gripper, the dataset has 2", lambda: formats.vgn.check(several))
 
 
 @pytest.mark.parametrize("form", ["vgn", "parquet", "mjcf"])

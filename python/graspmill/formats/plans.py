@@ -24,11 +24,11 @@ ENDINGS: dict[str, PlanFileFormat] = {".yaml": "isaac_grasp", ".yml": "isaac_gra
 FRAMES: tuple[Frame, ...] = ("base", "camera", "workspace")
 #: Half of a way must be possible, as half of the retreat decides whether an attempt held.
 LEAST_SHARE = 0.5
-#: An attempt's hand goes back along its approach if that is within this angle of straight down, else straight up.
+#: An attempt's gripper goes back along its approach if that is within this angle of straight down, else straight up.
 RETREAT_CONE_RAD = np.pi / 3.0
-#: Joints of a Franka hand: each has half of the distance between the fingers.
+#: Joints of a Franka Hand: each has half of the distance between the fingers.
 PANDA_JOINTS = {"panda_finger_joint1": 0.5, "panda_finger_joint2": 0.5}
-#: The hand of an attempt comes and goes as far (``docs/label.md``).
+#: The gripper of an attempt comes and goes as far (``docs/label.md``).
 APPROACH_M, RETREAT_M = 0.05, 0.1
 #: The options that are not given.
 DEFAULTS: dict[str, Any] = dict.fromkeys(PlanFileOptions.__annotations__)
@@ -53,7 +53,7 @@ def _frame(plan: Plan, told: Told) -> tuple[str, Numbers]:
     return name, np.stack(poses) if poses else np.empty((0, 4, 4))
 
 
-def _hand_from_grasp(plan: Plan, told: Told) -> Numbers | None:
+def _flange_from_grasp(plan: Plan, told: Told) -> Numbers | None:
     """The grasp frame in the frame of the robot's flange ``[4, 4]``, of the caller or else of the plan."""
     if told["gripper"] is not None:
         return loaded(told["gripper"]).flange_from_grasp
@@ -64,7 +64,7 @@ def _hand_from_grasp(plan: Plan, told: Told) -> Numbers | None:
 
 def _set(plan: Plan, told: Told) -> ObjectGrasps:
     """The grasps as a set without labels, whose score is the quality; what was not seen is NaN."""
-    (name, poses), flange = _frame(plan, told), _hand_from_grasp(plan, told)
+    (name, poses), flange = _frame(plan, told), _flange_from_grasp(plan, told)
     return ObjectGrasps(
         name,
         poses,
@@ -90,7 +90,7 @@ def save(plan: Plan, path: str | os.PathLike[str], format: PlanFileFormat | None
         rule = "format must be one of isaac_grasp, graspnet, moveit" if format else "path must end with .yaml or .npy, or format be given"
         raise InputError(f"{rule}, got {_arrays.shown(format or file)}")
     found = _set(plan, told)
-    if chosen == "graspnet":  # its width is how far to open before the hand comes
+    if chosen == "graspnet":  # its width is how far to open before the gripper comes
         found = replace(found, width_m=found.opening_m)
     return grasps.write(found, file, chosen, told["base_to_tips_m"], told["gripper"], told["closing_axis"])
 
@@ -114,13 +114,13 @@ def moveit_grasps(plan: Plan, options: PlanFileOptions) -> list[dict[str, Any]]:
 
 
 def _links(plan: Plan, told: Told, poses: Numbers) -> Numbers:
-    """Poses ``[N, 4, 4]`` of the robot's last link, on which the hand is mounted."""
+    """Poses ``[N, 4, 4]`` of the robot's last link, on which the gripper is mounted."""
     axis, tips_m = told["closing_axis"], told["base_to_tips_m"]
     _arrays.one_of("closing_axis", axis, (None, "x", "y"))
     if tips_m is not None:
         return to_base(poses, _arrays.number("base_to_tips_m", tips_m, 0.0, 10.0), axis or "y")
     _arrays.must(axis is None, "closing_axis goes with base_to_tips_m for moveit, got no base_to_tips_m")
-    if (link_from_grasp := _hand_from_grasp(plan, told)) is None:
+    if (link_from_grasp := _flange_from_grasp(plan, told)) is None:
         raise InputError("base_to_tips_m or a gripper with flange_from_grasp must be given for moveit, got neither")
     return poses @ np.linalg.inv(link_from_grasp)
 
@@ -135,7 +135,7 @@ def _joints(plan: Plan, told: Told) -> dict[str, float]:
 
 
 def _posture(joints: Mapping[str, float], apart_m: float, force_n: float | None = None) -> dict[str, Any] | None:
-    """A ``trajectory_msgs/JointTrajectory`` of one point, or ``None`` of a hand whose joints are not known."""
+    """A ``trajectory_msgs/JointTrajectory`` of one point, or ``None`` of a gripper whose joints are not known."""
     if not joints:
         return None
     point = {"positions": [_rounded(each * apart_m) for each in joints.values()]}

@@ -4,9 +4,9 @@
   divided by the voxel's side, which VGN rounds.
 - GIGA: ``DatasetVoxel(Path("this folder"), Path("this folder/raw"))`` reads ``raw/grasps.csv`` and ``raw/setup.json``.
   x, y, z and width are in metres.
-- qx, qy, qz, qw: workspace from grasp; the hand approaches along its +z and closes along y. The grasp's origin lies
+- qx, qy, qz, qw: workspace from grasp; the gripper approaches along its +z and closes along y. The grasp's origin lies
   midway between the roots of the fingers, in our own data between their tips.
-- width: opening between the fingers at the end of the hold; where the object was not held, the hand's largest opening.
+- width: opening between the fingers at the end of the hold; where the object was not held, the gripper's largest opening.
 - grid: (tsdf + 1) / 2 where observed and abs(tsdf) < 0.98, else 0; ``grid[0, x, y, z]``.
 
 The attempts along one point's normal make one grasp, the middle of the widest run of yaws that held. Grasps whose origin
@@ -39,14 +39,14 @@ TOGETHER = 256
 def check(info: dict[str, Any]) -> None:
     """Refuses a dataset that does not fit the format."""
     _arrays.must((got := info["grid"]["resolution"]) == RESOLUTION, f"VGN's code takes grids of {RESOLUTION}^3 voxels, the dataset has {got}^3")
-    _arrays.must((hands := len(info.get("grippers", [info["gripper"]]))) == 1, f"VGN's format has one hand, the dataset has {hands}")
+    _arrays.must((count := len(info.get("grippers", [info["gripper"]]))) == 1, f"VGN's format has one gripper, the dataset has {count}")
 
 
 def write(dataset: Dataset, folder: Path, done: Callable[[int], None]) -> dict[str, int]:
     """Writes the tables, and the grids that are not there; returns counts."""
     info, native = dataset.info, dataset._native
-    grid, hand = info["grid"], info["gripper"]
-    size_m, opening_m, finger_m = np.array([grid["size_m"], hand["opening_m_max"], hand["finger_length_m"]], np.float32)
+    grid, gripper = info["grid"], info["gripper"]
+    size_m, opening_m, finger_m = np.array([grid["size_m"], gripper["opening_m_max"], gripper["finger_length_m"]], np.float32)
     voxel_m = np.float32(size_m / RESOLUTION)
     margin_m = max(MARGIN_M, voxel_m)
     counts = dict.fromkeys(("grasps", "positives", "left_out", "scenes"), 0)

@@ -16,7 +16,7 @@ from ...grippers import LENGTHS, GripperLike, loaded
 from ...object_grasps import Axis, Format, ObjectGrasps
 from .._files import whole
 from . import acronym, graspgen, graspnet, isaac_grasp, molmospaces, parquet
-from ._parts import Hand, stem
+from ._parts import GripperFrame, stem
 
 #: Formats that are written, and all that are read.
 WRITTEN: dict[str, Any] = {"acronym": acronym, "graspgen": graspgen, "isaac_grasp": isaac_grasp}
@@ -37,18 +37,18 @@ def read(
         path: The file.
         format: ``"acronym"`` (.h5, needs h5py), ``"graspgen"`` (.json), ``"isaac_grasp"`` (.yaml, needs PyYAML), ``"molmospaces"``
             (.npz), ``"graspnet"`` (.npy) or ``"parquet"`` (:meth:`ObjectGrasps.load`); by default that of the path's ending.
-        base_to_tips_m: From the origin of the file's frame to the tips of the hand, along the approach. By default 0.1122 m for
-            ACRONYM and ``gripper.depth`` of the file for GraspGen. isaac_grasp has none: give it, or ``gripper``.
-        gripper: The hand: its distance is z of ``flange_from_grasp``, or else the length of finger and palm.
-        closing_axis: Along which axis of the file's frame the hand closes: by default ``"x"``, for isaac_grasp ``"y"``.
+        base_to_tips_m: From the origin of the file's frame to the tips of the gripper, along the approach. By default 0.1122 m
+            for ACRONYM and ``gripper.depth`` of the file for GraspGen. isaac_grasp has none: give it, or ``gripper``.
+        gripper: The gripper: its distance is z of ``flange_from_grasp``, or else the length of finger and palm.
+        closing_axis: Along which axis of the file's frame the gripper closes: by default ``"x"``, for isaac_grasp ``"y"``.
 
     Raises InputError if the file is damaged or of something else, or the distance is not known.
     """
     file = _arrays.path("path", path)
-    chosen, hand = _format(file, format, FORMATS), _hand(base_to_tips_m, gripper, closing_axis)
+    chosen, given = _format(file, format, FORMATS), _given(base_to_tips_m, gripper, closing_axis)
     _arrays.must(os.path.isfile(file), f"path must be a file, got {file}")
     try:
-        return ObjectGrasps(**{"name": stem(file), **chosen.read(file, hand)})
+        return ObjectGrasps(**{"name": stem(file), **chosen.read(file, given)})
     except MemoryError:
         raise
     except Exception as error:  # whatever a library says of a damaged file
@@ -62,9 +62,9 @@ def write(
 ) -> Path:  # fmt: skip
     """Writes a file; see :meth:`ObjectGrasps.save`."""
     file = _arrays.path("path", path)
-    chosen, hand = _format(file, format, WRITTEN), _hand(base_to_tips_m, gripper, closing_axis)
+    chosen, given = _format(file, format, WRITTEN), _given(base_to_tips_m, gripper, closing_axis)
     with whole(file) as part:
-        chosen.write(grasps, part, hand)
+        chosen.write(grasps, part, given)
     return Path(file)
 
 
@@ -77,14 +77,14 @@ def _format(path: str, format: str | None, known: dict[str, Any]) -> Any:
     raise InputError(f"{rule}, got {_arrays.shown(format or path)}")
 
 
-def _hand(base_to_tips_m: float | None, gripper: GripperLike | None, closing_axis: Axis | None) -> Hand:
-    """What the caller says of the hand, checked."""
+def _given(base_to_tips_m: float | None, gripper: GripperLike | None, closing_axis: Axis | None) -> GripperFrame:
+    """What the caller says of the gripper, checked."""
     _arrays.one_of("closing_axis", closing_axis, (None, "x", "y"))
     given_m = None if base_to_tips_m is None else _arrays.number("base_to_tips_m", base_to_tips_m, 0.0, 10.0)
     if gripper is None:
-        return Hand(given_m, closing_axis)
+        return GripperFrame(given_m, closing_axis)
     known = loaded(gripper)
     if given_m is None:
         flange, palm_m = known.flange_from_grasp, known.finger_length_m + known.palm_length_m
         given_m = palm_m if flange is None else _arrays.number("flange_from_grasp z", flange[2, 3], 0.0, 10.0)
-    return Hand(given_m, closing_axis, {key: getattr(known, key) for key in ("name", *LENGTHS)})
+    return GripperFrame(given_m, closing_axis, {key: getattr(known, key) for key in ("name", *LENGTHS)})

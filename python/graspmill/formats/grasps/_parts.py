@@ -1,7 +1,8 @@
-"""Parts of files of grasps, and the frames of hands.
+"""Parts of files of grasps, and the frames of grippers.
 
-A *base frame* has its origin at the base of the hand, +z along the approach, and +x or +y along the closing direction.
-Our grasp frame has +z along the approach, +y along the closing direction, and its origin midway between the tips.
+A *base frame* has its origin at the base of the gripper, +z along the approach, and +x or +y along the closing
+direction. Our grasp frame has +z along the approach, +y along the closing direction, and its origin midway between
+the tips.
 """
 
 from __future__ import annotations
@@ -17,30 +18,30 @@ from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, Axis, Numbers, ObjectGrasps
 
-#: Hands with the driven joint below, whose value is half the distance between the fingers.
+#: Grippers with the driven joint below, whose value is half the distance between the fingers.
 PANDA_NAMES = ("franka_hand", "panda", "panda_hand")
 PANDA_JOINT = "panda_finger_joint1"
 
 
 @dataclass(frozen=True)
-class Hand:
-    """What the caller says of the hand: from its base to its tips, the axis of its base along which it closes, its name and
-    lengths as in ``NAME.json``. The rest is taken from the file, or from the set that is written."""
+class GripperFrame:
+    """What the caller says of the gripper: from its base to its tips, the axis of its base along which it closes, its name
+    and lengths as in ``NAME.json``. The rest is taken from the file, or from the set that is written."""
 
     base_to_tips_m: float | None = None
     closing_axis: Axis | None = None
     gripper: dict[str, Any] = field(default_factory=dict)
 
     def known_m(self, otherwise_m: float | None, what: str) -> float:
-        """From the hand's base to its tips, of the caller or else of the file."""
+        """From the gripper's base to its tips, of the caller or else of the file."""
         known_m = otherwise_m if self.base_to_tips_m is None else self.base_to_tips_m
         if known_m is None:
-            raise InputError(f"base_to_tips_m or gripper must be given: {what} does not say where the tips of the hand are")
+            raise InputError(f"base_to_tips_m or gripper must be given: {what} does not say where the tips of the gripper are")
         return known_m
 
 
 def from_base(object_from_base: Numbers, base_to_tips_m: float, closing_axis: Axis) -> Numbers:
-    """``object_from_grasp`` ``[N, 4, 4]`` of poses of the hand's base."""
+    """``object_from_grasp`` ``[N, 4, 4]`` of poses of the gripper's base."""
     grasps = object_from_base.copy()
     if closing_axis == "x":  # our y = their x, our x = their −y
         grasps[:, :3, 0], grasps[:, :3, 1] = -object_from_base[:, :3, 1], object_from_base[:, :3, 0]
@@ -49,7 +50,7 @@ def from_base(object_from_base: Numbers, base_to_tips_m: float, closing_axis: Ax
 
 
 def to_base(object_from_grasp: Numbers, base_to_tips_m: float, closing_axis: Axis) -> Numbers:
-    """Poses ``[N, 4, 4]`` of the hand's base."""
+    """Poses ``[N, 4, 4]`` of the gripper's base."""
     bases = object_from_grasp.copy()
     if closing_axis == "x":  # their x = our y, their y = our −x
         bases[:, :3, 0], bases[:, :3, 1] = object_from_grasp[:, :3, 1], -object_from_grasp[:, :3, 0]

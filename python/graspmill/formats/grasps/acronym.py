@@ -10,10 +10,10 @@ from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, Numbers, ObjectGrasps, labels
 from .._files import module
-from ._parts import Hand, about, from_base, gripper_name, labelled, opening_m, part, to_base, word
+from ._parts import GripperFrame, about, from_base, gripper_name, labelled, opening_m, part, to_base, word
 
 WHAT = "ACRONYM's HDF5"
-#: From the origin of its frame to the tips, in metres: 0.11217 in its marker, 0.11225 in its mesh of the hand.
+#: From the origin of its frame to the tips, in metres: 0.11217 in its marker, 0.11225 in its mesh of the gripper.
 BASE_TO_TIPS_M = 0.1122
 FLEX = "grasps/qualities/flex/"
 MOTIONS = {
@@ -33,7 +33,7 @@ def _products_negated(inertia: Numbers) -> Numbers:
     return 2.0 * np.diag(np.diag(inertia)) - inertia
 
 
-def read(path: str, hand: Hand) -> dict[str, Any]:
+def read(path: str, given: GripperFrame) -> dict[str, Any]:
     h5py = module("h5py", "a file of ACRONYM")
 
     def value(key: str, shape: tuple[int, ...] | None = None, has_gaps: bool = False) -> Any:
@@ -46,7 +46,7 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
 
     with h5py.File(path, "r") as file:
         _arrays.entry("grasps/transforms", {"grasps/transforms": 0} if "grasps/transforms" in file else dict.fromkeys(file))
-        base_m = hand.known_m(BASE_TO_TIPS_M, "ACRONYM")
+        base_m = given.known_m(BASE_TO_TIPS_M, "ACRONYM")
         bases = _arrays.rigid("grasps/transforms", value("grasps/transforms"), GRASPS_MAX)
         held = value(FLEX + "object_in_gripper")
         motions = {ours: value(FLEX + theirs, (len(bases),), True) for ours, theirs in MOTIONS.items()}
@@ -62,21 +62,21 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
     return {
         "file": word("object/file", mesh),
         "scale_m": float(scale_m),
-        "object_from_grasp": from_base(bases, base_m, hand.closing_axis or "x"),
+        "object_from_grasp": from_base(bases, base_m, given.closing_axis or "x"),
         "held": None if held is None else labels(FLEX + "object_in_gripper", held, len(bases)),
         "base_to_tips_m": base_m,
-        "info": about("acronym", {**gripper, **hand.gripper}, **known),
+        "info": about("acronym", {**gripper, **given.gripper}, **known),
         **{key: one for key, one in motions.items() if one is not None},
     }
 
 
-def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
+def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
     """Motions during the test are ACRONYM's only if the test was a shake; what is not known is left out."""
     h5py = module("h5py", "a file of ACRONYM")
-    base_m = hand.known_m(BASE_TO_TIPS_M, "ACRONYM")
+    base_m = given.known_m(BASE_TO_TIPS_M, "ACRONYM")
     held, thing, open_m = labelled(grasps, "ACRONYM"), part(grasps, "object"), opening_m(grasps)
     is_shake = grasps.info.get("test", "shake") == "shake"
-    values: dict[str, Any] = {"grasps/transforms": to_base(grasps.object_from_grasp, base_m, hand.closing_axis or "x")}
+    values: dict[str, Any] = {"grasps/transforms": to_base(grasps.object_from_grasp, base_m, given.closing_axis or "x")}
     values |= {FLEX + "object_in_gripper": held.astype(np.int64), "object/scale": np.float64(grasps.scale_m)}
     for ours, theirs in MOTIONS.items():
         if not np.isnan(getattr(grasps, ours)).all() and (is_shake or ours.startswith("closing")):

@@ -10,38 +10,38 @@ import numpy as np
 from ... import _arrays
 from ...object_grasps import GRASPS_MAX, ObjectGrasps, labels
 from .._files import loaded_json
-from ._parts import Hand, about, from_base, gripper_name, labelled, opening_m, to_base, word
+from ._parts import GripperFrame, about, from_base, gripper_name, labelled, opening_m, to_base, word
 
 WHAT = "JSON"
 
 
-def read(path: str, hand: Hand) -> dict[str, Any]:
+def read(path: str, given: GripperFrame) -> dict[str, Any]:
     data = _arrays.table("the file", loaded_json(path))
     thing, grasps = _arrays.table("object", _arrays.entry("object", data)), _arrays.table("grasps", _arrays.entry("grasps", data))
     gripper = _arrays.table("gripper", data.get("gripper", {}))
     depth_m = None if gripper.get("depth") is None else _arrays.number("gripper.depth", gripper["depth"], 0.0, 10.0)
-    base_m = hand.known_m(depth_m, "the file")
+    base_m = given.known_m(depth_m, "the file")
     bases = _arrays.rigid("grasps.transforms", _arrays.entry("grasps.transforms", grasps), GRASPS_MAX)
     held = _arrays.entry("grasps.object_in_gripper", grasps)
     known = {"name": gripper.get("name"), "opening_m_max": gripper.get("width")}
     return {
         "file": word("object.file", _arrays.entry("object.file", thing)),
         "scale_m": _arrays.number("object.scale", _arrays.entry("object.scale", thing), 0.0, 1e9),
-        "object_from_grasp": from_base(bases, base_m, hand.closing_axis or "x"),
+        "object_from_grasp": from_base(bases, base_m, given.closing_axis or "x"),
         "held": labels("grasps.object_in_gripper", held, len(bases)),
         "base_to_tips_m": base_m,
-        "info": about("graspgen", {**known, **hand.gripper}),
+        "info": about("graspgen", {**known, **given.gripper}),
     }
 
 
-def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
-    base_m = hand.known_m(grasps.base_to_tips_m, "the set")
+def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
+    base_m = given.known_m(grasps.base_to_tips_m, "the set")
     gripper = {"name": gripper_name(grasps), "width": opening_m(grasps), "depth": base_m}
     value = {
         "object": {"file": grasps.file, "scale": grasps.scale_m},
         "gripper": {key: one for key, one in gripper.items() if one is not None},
         "grasps": {
-            "transforms": to_base(grasps.object_from_grasp, base_m, hand.closing_axis or "x").tolist(),
+            "transforms": to_base(grasps.object_from_grasp, base_m, given.closing_axis or "x").tolist(),
             # GraspGen indexes with them: booleans select, numbers would not.
             "object_in_gripper": labelled(grasps, "GraspGen").tolist(),
             "contacts_m": [[None if np.isnan(at).any() else at.tolist() for at in pair] for pair in grasps.contacts_m],

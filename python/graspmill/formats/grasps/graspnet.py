@@ -8,18 +8,18 @@ import numpy as np
 
 from ... import _arrays
 from ...object_grasps import GRASPS_MAX, ObjectGrasps
-from ._parts import Hand, about, array, good, part
+from ._parts import GripperFrame, about, array, good, part
 
 WHAT = "an .npy of NumPy"
 #: Its centre lies this far behind the tips in the files that are written, in metres.
 DEPTH_M = 0.02
-#: Its height of a hand whose fingers' width is not known, in metres, as in its labels.
+#: Its height of a gripper whose fingers' width is not known, in metres, as in its labels.
 HEIGHT_M = 0.02
 #: Its score is this less the smallest friction coefficient.
 SCORE = 1.1
 
 
-def read(path: str, hand: Hand) -> dict[str, Any]:
+def read(path: str, given: GripperFrame) -> dict[str, Any]:
     """The arguments of an ``ObjectGrasps``. Poses keep the frame of the file, which is a camera's for scenes."""
     with open(path, "rb") as file:
         rows = np.asarray(array("the array", file, (17,)), np.float64)
@@ -34,12 +34,12 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
         "object_from_grasp": _arrays.rigid("the rotations", grasps, GRASPS_MAX),
         "score": rows[:, 0],
         "width_m": np.where(rows[:, 1] > 0.0, rows[:, 1], np.nan),
-        "base_to_tips_m": hand.base_to_tips_m,
-        "info": about("graspnet", {"finger_width_m": height_m, **hand.gripper}),
+        "base_to_tips_m": given.base_to_tips_m,
+        "info": about("graspnet", {"finger_width_m": height_m, **given.gripper}),
     }
 
 
-def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
+def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
     """As ``graspmill objects annotate --format graspnet``: only grasps that held. Where nothing was measured, the score
     is the set's, or else 1; where even its own friction is too small, 0."""
     kept = good(grasps)

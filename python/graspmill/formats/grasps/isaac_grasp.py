@@ -13,7 +13,7 @@ from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, ObjectGrasps
 from .._files import module
-from ._parts import PANDA_JOINT, PANDA_NAMES, Hand, about, from_base, gripper_name, opening_m, to_base, word
+from ._parts import PANDA_JOINT, PANDA_NAMES, GripperFrame, about, from_base, gripper_name, opening_m, to_base, word
 
 WHAT = "YAML"
 
@@ -40,7 +40,7 @@ def _row(name: str, value: object) -> tuple[list[float], float, float, float]:
     return pose, confidence, width_m("cspace_position"), width_m("pregrasp_cspace_position")
 
 
-def read(path: str, hand: Hand) -> dict[str, Any]:
+def read(path: str, given: GripperFrame) -> dict[str, Any]:
     yaml = module("yaml", "isaac_grasp")
     with open(path, "rb") as file:
         data = _arrays.table("the file", yaml.load(file, getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
@@ -49,7 +49,7 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
         warnings.warn(f"format_version is {_arrays.shown(version)}, and is read as 1.0: {path}", stacklevel=3)
     if data.get("approach_axis", 2) != 2:  # GraspDataGen's
         raise InputError(f"approach_axis must be 2 (z), got {_arrays.shown(data['approach_axis'])}")
-    base_m = hand.known_m(None, "isaac_grasp")
+    base_m = given.known_m(None, "isaac_grasp")
     grasps = _arrays.table("grasps", _arrays.entry("grasps", data))
     _arrays.must(len(grasps) <= GRASPS_MAX, f"grasps must be at most {GRASPS_MAX}, got {len(grasps)}")
     rows = [_row(f"grasps.{str(key)[:60]}", value) for key, value in grasps.items()]
@@ -66,19 +66,19 @@ def read(path: str, hand: Hand) -> dict[str, Any]:
         **({"name": name} if isinstance(name, str) and name and "/" not in name else {}),
         "file": word("object_file", data.get("object_file", "")),
         "scale_m": _arrays.number("object_scale", data.get("object_scale", 1.0), 0.0, 1e9),
-        "object_from_grasp": from_base(bases, base_m, hand.closing_axis or "y"),
+        "object_from_grasp": from_base(bases, base_m, given.closing_axis or "y"),
         "held": held,
         "score": score,
         "width_m": np.array(widths_m, np.float64),
         "opening_m": opening,
         "base_to_tips_m": base_m,
-        "info": about("isaac_grasp", {**gripper, **hand.gripper}),
+        "info": about("isaac_grasp", {**gripper, **given.gripper}),
     }
 
 
-def write(grasps: ObjectGrasps, path: str, hand: Hand) -> None:
+def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
     """As ``graspmill objects annotate --format isaac_grasp``. Of sets without labels the score is the confidence."""
-    bases = to_base(grasps.object_from_grasp, hand.known_m(grasps.base_to_tips_m, "the set"), hand.closing_axis or "y")
+    bases = to_base(grasps.object_from_grasp, given.known_m(grasps.base_to_tips_m, "the set"), given.closing_axis or "y")
     confidences = grasps.score if grasps.held is None else grasps.held.astype(np.float64)
     if not ((confidences >= 0.0) & (confidences <= 1.0)).all():
         rule = "held, or a score from 0 to 1, must be known for isaac_grasp"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ... import _arrays
 from ...object_grasps import GRASPS_MAX, NUMBERS, stable_pose
 from .._files import loaded_json, module
-from ._parts import Hand
+from ._parts import GripperFrame
 
 WHAT = "Parquet"
 #: Columns with one number a grasp, by our names.
@@ -19,7 +19,7 @@ COLUMNS = {name: name for name, shape in NUMBERS.items() if not shape and name n
 COLUMNS["on_table_share"] = "free_on_table_share"
 
 
-def read(path: str, _: Hand) -> dict[str, Any]:
+def read(path: str, _: GripperFrame) -> dict[str, Any]:
     beside = os.path.splitext(path)[0] + ".json"
     _arrays.must(os.path.isfile(beside), f"NAME.json must be beside NAME.parquet, got none: {beside}")
     info = _arrays.table("the file", loaded_json(beside))

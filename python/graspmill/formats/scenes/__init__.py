@@ -1,6 +1,6 @@
 """A scene is a folder, which needs no other file. Objects are at rest, with the convex parts, masses and frictions of the
-simulation that made the labels. ``scene.json`` has poses, masses, frictions, inertias, cameras, the hand and the attempts
-with their outcomes, as plain numbers.
+simulation that made the labels. ``scene.json`` has poses, masses, frictions, inertias, cameras, the gripper and the
+attempts with their outcomes, as plain numbers.
 """
 
 # A format is a module with ``files``, the texts of a scene's files by their names.

@@ -1,4 +1,4 @@
-"""A scene as simulators take it: what moves, what stands still, the cameras, the hand and the attempts.
+"""A scene as simulators take it: what moves, what stands still, the cameras, the gripper and the attempts.
 
 Lengths are in metres, quaternions x, y, z, w. Numbers keep the precision in which our physics has them.
 """
@@ -89,7 +89,7 @@ class Body(Still):
 
 class World:
     """A scene of a dataset: ``plain``, the content of ``scene.json``; the ``objects``; the table and the container, if there is
-    one, which stand ``still``; palm and fingers of the ``hand`` in the grasp frame, the numbers of its ``gripper``, the way
+    one, which stand ``still``; the ``gripper_parts``, palm and fingers in the grasp frame; the ``gripper``'s numbers, the way
     ``stroke_m`` of a finger and its force over its speed, ``damping``; half of the workspace's side, ``middle_m``; poses
     ``[7]`` of the ``cameras`` in the axes of OpenGL, USD and MuJoCo (x right, y up, z backwards); and their ``lens``: width,
     height, fx, fy, cx, cy in pixels."""
@@ -106,7 +106,7 @@ class World:
         self.gripper = {key: Single(value) for key, value in simulation.gripper}
         self.stroke_m = Single(self.gripper["opening_m_max"] / 2)
         self.damping = Single(self.gripper["finger_force_n"] / self.gripper["closing_speed_m_s"])
-        self.hand = _hand(self.gripper, self.stroke_m)
+        self.gripper_parts = _gripper_parts(self.gripper, self.stroke_m)
         self.lens = dataset.intrinsics()
         self.cameras = [singles(*at, w, z, -y, -x) for *at, x, y, z, w in self.rows["workspace_from_camera"]]
         self.objects: list[Body] = []
@@ -162,7 +162,7 @@ def _named(name: str, parts: Sequence[Box | Hull]) -> Parts:
     return {f"{name}_part_{number}": part for number, part in enumerate(parts)}
 
 
-def _hand(gripper: dict[str, np.float32], stroke_m: np.float32) -> list[Body]:
+def _gripper_parts(gripper: dict[str, np.float32], stroke_m: np.float32) -> list[Body]:
     """The palm and the fingers (−y, then +y), open."""
     palm, finger = (
         singles(*(gripper[f"{part}_{side}_m"] for side in sides)) / Single(2)

@@ -1,6 +1,6 @@
 """Scenes for MuJoCo.
 
-``scene.xml`` is a model: ``mujoco.MjModel.from_xml_path("scene.xml")``. ``hand.xml`` is the hand, in its grasp frame;
+``scene.xml`` is a model: ``mujoco.MjModel.from_xml_path("scene.xml")``. ``hand.xml`` is the gripper, in its grasp frame;
 velocities of its two actuators close it.
 
 Two bodies have the product of their frictions in our physics, in MuJoCo the larger of the two. So the pairs of a
@@ -24,7 +24,7 @@ COLOURS = ("0.8 0.35 0.3", "0.3 0.55 0.8", "0.4 0.7 0.4", "0.85 0.65 0.3", "0.6 
 
 
 def files(world: World) -> dict[str, str]:
-    return {"scene.xml": "\n".join(_scene(world)), "hand.xml": "\n".join(_hand(world))}
+    return {"scene.xml": "\n".join(_scene(world)), "hand.xml": "\n".join(_gripper(world))}
 
 
 def _placed(pose: Any) -> str:
@@ -77,13 +77,13 @@ def _body(body: Body, look: str) -> list[str]:
     return [*lines, "    </body>"]
 
 
-def _hand(world: World) -> list[str]:
+def _gripper(world: World) -> list[str]:
     """A palm with two fingers that slide, in the grasp frame. A finger's motor has its full force at rest and none at its
     speed, as in our physics. A limit of the force would be reached at rest, and MuJoCo's implicit step leaves the damping
     out where it is: a finger would jump to many times its speed."""
     palm, left, right = (
         f'<geom name="{body.name}" {_box(body.parts[body.name])} mass="{number(body.mass.mass_kg)}" friction="{number(body.friction)}"/>'
-        for body in world.hand
+        for body in world.gripper_parts
     )
     lines = [
         '<mujoco model="hand">\n  <compiler autolimits="true"/>\n  <option integrator="implicitfast"/>\n  <worldbody>',

@@ -16,18 +16,18 @@ STILL = '    <inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0"
 
 
 def files(world: World) -> dict[str, str]:
-    palm, *fingers = world.hand
-    hand, stroke = _link(palm, "hand"), number(world.stroke_m)
+    palm, *fingers = world.gripper_parts
+    gripper, stroke = _link(palm, "hand"), number(world.stroke_m)
     force, speed = (number(world.gripper[key]) for key in ("finger_force_n", "closing_speed_m_s"))
     for finger, inwards in zip(fingers, (1, -1)):
-        hand += f"""{_link(finger, finger.name)}  <joint name="{finger.name}" type="prismatic">
+        gripper += f"""{_link(finger, finger.name)}  <joint name="{finger.name}" type="prismatic">
     <parent link="hand"/>
     <child link="{finger.name}"/>
     <axis xyz="0 {inwards} 0"/>
     <limit lower="0" upper="{stroke}" effort="{force}" velocity="{speed}"/>
   </joint>
 """
-    robots = {body.name: _link(body, body.name) for body in (*world.still, *world.objects)} | {"hand": hand}
+    robots = {body.name: _link(body, body.name) for body in (*world.still, *world.objects)} | {"hand": gripper}
     texts = {f"{name}.urdf": f'<?xml version="1.0"?>\n<robot name="{name}">\n{links}</robot>\n' for name, links in robots.items()}
     return texts | {f"meshes/{name}.obj": _obj(hull) for name, hull in world.hulls().items()}
 

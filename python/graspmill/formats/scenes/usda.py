@@ -1,6 +1,6 @@
 """Scenes for Isaac Sim and others: USD as text, with UsdPhysics.
 
-``scene.usda`` is a stage: metres, kilograms, z up. ``hand.usda`` is the hand, in its grasp frame. How two frictions
+``scene.usda`` is a stage: metres, kilograms, z up. ``hand.usda`` is the gripper, in its grasp frame. How two frictions
 combine is not a matter of UsdPhysics, but of the engine; ``physxMaterial:frictionCombineMode`` asks PhysX for our
 product.
 """
@@ -19,7 +19,7 @@ FOCAL = Single(0.24)
 
 
 def files(world: World) -> dict[str, str]:
-    return {"scene.usda": _stage("World", _scene(world)), "hand.usda": _stage("hand", _hand(world))}
+    return {"scene.usda": _stage("World", _scene(world)), "hand.usda": _stage("hand", _gripper(world))}
 
 
 def _stage(root: str, prim: list[str]) -> str:
@@ -110,10 +110,10 @@ def _scene(world: World) -> list[str]:
     return _prim("Xform", "World", [], *prims)
 
 
-def _hand(world: World) -> list[str]:
+def _gripper(world: World) -> list[str]:
     """A palm with two fingers that slide, as in :mod:`.mjcf`."""
-    prims = [_prim("Scope", "materials", [], _material("hand", world.hand[0].friction))]
-    prims += [_body(body, _shape("box", body.parts[body.name], "/hand/materials/hand")) for body in world.hand]
+    prims = [_prim("Scope", "materials", [], _material("hand", world.gripper_parts[0].friction))]
+    prims += [_body(body, _shape("box", body.parts[body.name], "/hand/materials/hand")) for body in world.gripper_parts]
     # A joint slides along its frames' +y; half a turn about z makes that the workspace's −y.
     for name, axes in (("left_finger", "(1, 0, 0, 0)"), ("right_finger", "(0, 0, 0, 1)")):
         joint = [
