@@ -1,10 +1,10 @@
-"""Judges hands without Graspmill: a judge exported to ONNX, asked through onnxruntime and NumPy.
+"""Judges grasps without Graspmill: a judge exported to ONNX, asked through onnxruntime and NumPy.
 
     graspmill weights export models/judge.safetensors --format onnx --out judge.onnx
     python scripts/judge_onnx.py judge.onnx scene.npy plan.json --views 6
 
-`scene.npy` is a TSDF in VGN's values, [40, 40, 40] or [1, 40, 40, 40]; `plan.json` has the hands, as `graspmill plan` or
-`[{"position_m": [x, y, z], "quaternion_xyzw": [x, y, z, w]}, …]` gives them: grasps in the workspace, +z the approach,
+`scene.npy` is a TSDF in VGN's values, [40, 40, 40] or [1, 40, 40, 40]; `plan.json` has the grasps, as `graspmill plan`
+or `[{"position_m": [x, y, z], "quaternion_xyzw": [x, y, z, w]}, …]` gives them: poses in the workspace, +z the approach,
 +y the closing direction, the origin midway between the tips. Prints the probability of each outcome.
 
 This file is also the definition of what the network is given (`Judge.crop`, `Judge.surroundings`, `Judge.facts`), as plain as it can be
@@ -39,13 +39,13 @@ def rotation(quaternion_xyzw):
     )
 
 
-def gripper_boxes(hand):
-    """Two fingers and the palm of the open hand in the grasp frame: (centre, half side) each, in metres."""
-    gap, length = 0.5 * hand["opening_m_max"], hand["finger_length_m"]
-    thick, wide = hand["finger_thickness_m"], hand["finger_width_m"]
+def gripper_boxes(gripper):
+    """Two fingers and the palm of the open gripper in the grasp frame: (centre, half side) each, in metres."""
+    gap, length = 0.5 * gripper["opening_m_max"], gripper["finger_length_m"]
+    thick, wide = gripper["finger_thickness_m"], gripper["finger_width_m"]
     half_finger = np.array([wide, thick, length]) / 2
     fingers = [(np.array([0, side * (gap + thick / 2), -length / 2]), half_finger) for side in (-1, 1)]
-    palm = np.array([hand["palm_width_m"], hand["palm_breadth_m"], hand["palm_length_m"]]) / 2
+    palm = np.array([gripper["palm_width_m"], gripper["palm_breadth_m"], gripper["palm_length_m"]]) / 2
     return [*fingers, (np.array([0, 0, -length - palm[2]]), palm)]
 
 
@@ -56,25 +56,25 @@ def lattice(low, high, count):
 
 
 class Judge:
-    """A judge and the hand and grid that it was trained for."""
+    """A judge and the gripper and grid that it was trained for."""
 
-    def __init__(self, path, hand=None):
+    def __init__(self, path, gripper=None):
         import onnxruntime
 
         self.session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
         scope = json.loads(self.session.get_modelmeta().custom_metadata_map["trained_for"])
-        if hand is None and "hands" in scope:
-            raise SystemExit("the judge was trained for many hands: give yours with --gripper")
-        self.hand, self.grid = hand or scope["gripper"], scope["grid"]
+        if gripper is None and "hands" in scope:
+            raise SystemExit("the judge was trained for many grippers: give yours with --gripper")
+        self.gripper, self.grid = gripper or scope["gripper"], scope["grid"]
         self.way_m = scope["pregrasp_distance_m"]
-        # What the hand sweeps from its pre-grasp pose: each box, longer towards −z.
+        # What the gripper sweeps from its pre-grasp pose: each box, longer towards −z.
         back = np.array([0, 0, self.way_m / 2])
-        self.swept = [(centre - back, half + back) for centre, half in gripper_boxes(self.hand)]
+        self.swept = [(centre - back, half + back) for centre, half in gripper_boxes(self.gripper)]
         low = np.min([centre - half for centre, half in self.swept], axis=0)
         high = np.max([centre + half for centre, half in self.swept], axis=0) + [0, 0, BEYOND_M]
         self.points_m = lattice(low, high, BOX)
         self.wide_m = lattice(-WIDE_M, WIDE_M, WIDE_BOX)
-        self.to_hand_m = np.min([self.distance_m(centre, half) for centre, half in self.swept], axis=0)
+        self.to_gripper_m = np.min([self.distance_m(centre, half) for centre, half in self.swept], axis=0)
 
     def distance_m(self, centre, half):
         """Signed distance of the points to a box."""
@@ -101,16 +101,16 @@ class Judge:
         return np.stack([mean, np.where(known, share, 0), height])
 
     def crop(self, tsdf, position_m, turn):
-        """[4, 8, 20, 28]: what is seen where the hand sweeps, and the distance to the hand."""
-        to_hand = np.clip(self.to_hand_m / CLIP_M, -1, 1)
-        return np.concatenate([self.seen(tsdf, self.points_m, position_m, turn), to_hand[None]])
+        """[4, 8, 20, 28]: what is seen where the gripper sweeps, and the distance to what it sweeps."""
+        distance = np.clip(self.to_gripper_m / CLIP_M, -1, 1)
+        return np.concatenate([self.seen(tsdf, self.points_m, position_m, turn), distance[None]])
 
     def surroundings(self, tsdf, position_m, turn):
         """[3, 12, 8, 8]: what is seen about the tips, wider and coarser."""
         return self.seen(tsdf, self.wide_m, position_m, turn)
 
     def facts(self, position_m, turn, views):
-        """[16]: where up is for the hand, the height of its tips, the number of views, its dimensions."""
+        """[16]: where up is for the gripper, the height of its tips, the number of views, its dimensions."""
         lengths = [
             "opening_m_max",
             "finger_length_m",
@@ -121,17 +121,18 @@ class Judge:
             "palm_breadth_m",
         ]
         height_m = position_m[2] - self.grid["table_z_m"]
-        own = [*(self.hand[key] / 0.1 for key in lengths), self.way_m / 0.1]
-        own += [self.hand["friction"], self.hand["finger_force_n"] / 20 - 1]
+        own = [*(self.gripper[key] / 0.1 for key in lengths), self.way_m / 0.1]
+        own += [self.gripper["friction"], self.gripper["finger_force_n"] / 20 - 1]
         known = [*turn[2], height_m / 0.1, views / 6, *own]
         return np.pad(known, (0, 16 - len(known)))
 
-    def outcomes(self, tsdf, hands, views, mirrored=(False, False)):
-        """[hands, 6]: the probabilities of the outcomes of hands, given as (position, quaternion).
+    def outcomes(self, tsdf, grasps, views, mirrored=(False, False)):
+        """[grasps, 6]: the probabilities of the outcomes of grasps, given as (position, quaternion).
 
-        Hand and scene may be mirrored in the grasp's x and y. The planner takes the mean over the four for its best hands.
+        Gripper and scene may be mirrored in the grasp's x and y. The planner takes the mean over the four for its best
+        grasps.
         """
-        poses = [(np.asarray(position, dtype=np.float64), rotation(turn)) for position, turn in hands]
+        poses = [(np.asarray(position, dtype=np.float64), rotation(turn)) for position, turn in grasps]
         crops = np.array([self.crop(tsdf, *pose) for pose in poses], dtype=np.float32)
         wide = np.array([self.surroundings(tsdf, *pose) for pose in poses], dtype=np.float32)
         facts = np.array([self.facts(*pose, views) for pose in poses], dtype=np.float32)
@@ -142,32 +143,32 @@ class Judge:
         return self.session.run(["outcomes"], inputs)[0]
 
 
-def hands_of(path):
-    """The hands in a file, as (position, quaternion)."""
+def grasps_of(path):
+    """The grasps in a file, as (position, quaternion)."""
     with open(path, encoding="utf-8") as file:
         listed = json.load(file)
     if isinstance(listed, dict):
         listed = [grasp["workspace_from_grasp"] for grasp in listed["grasps"]]
-    return [(hand["position_m"], hand["quaternion_xyzw"]) for hand in listed]
+    return [(pose["position_m"], pose["quaternion_xyzw"]) for pose in listed]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("judge", help="a judge in ONNX")
     parser.add_argument("tsdf", help="NPY file of the scene's TSDF")
-    parser.add_argument("hands", help="JSON file of hands, or a plan")
+    parser.add_argument("grasps", help="JSON file of grasps, or a plan")
     parser.add_argument("--views", type=int, default=6, help="number of views from which the TSDF was made")
-    parser.add_argument("--gripper", help="the hand's file, for a judge of many hands")
+    parser.add_argument("--gripper", help="the gripper's file, for a judge of many grippers")
     arguments = parser.parse_args()
-    hand = arguments.gripper and tomllib.loads(Path(arguments.gripper).read_text(encoding="utf-8"))
-    judge = Judge(arguments.judge, hand)
+    gripper = arguments.gripper and tomllib.loads(Path(arguments.gripper).read_text(encoding="utf-8"))
+    judge = Judge(arguments.judge, gripper)
     tsdf = np.load(arguments.tsdf).reshape([judge.grid["resolution"]] * 3)
-    hands = hands_of(arguments.hands)
-    if not hands:
-        sys.exit("no hands: " + arguments.hands)
-    print("  ".join(["hand", *OUTCOMES]))
-    for number, row in enumerate(judge.outcomes(tsdf, hands, arguments.views)):
-        print(f"{number:4}  " + "  ".join(f"{value:{len(name)}.3f}" for name, value in zip(OUTCOMES, row)))
+    grasps = grasps_of(arguments.grasps)
+    if not grasps:
+        sys.exit("no grasps: " + arguments.grasps)
+    print("  ".join(["grasp", *OUTCOMES]))
+    for number, row in enumerate(judge.outcomes(tsdf, grasps, arguments.views)):
+        print(f"{number:5}  " + "  ".join(f"{value:{len(name)}.3f}" for name, value in zip(OUTCOMES, row)))
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@
     rerun plan.rrd
 
 Needs rerun-sdk==0.36.3 (in scripts/requirements.txt). The recording shows the cloud by its labels, the objects' centroids,
-the workspace, and the hand at each grasp (green is the best, the others fade to grey; labels give rank, quality and rho). If
-the plan lists dropped candidates, they are shown, too: vermilion for collisions, grey for other reasons.
+the workspace, and the gripper at each grasp (green is the best, the others fade to grey; labels give rank, quality and
+rho). If the plan lists dropped candidates, they are shown, too: vermilion for collisions, grey for other reasons.
 """
 
 import argparse
@@ -24,7 +24,7 @@ import numpy as np
 import rerun as rr
 
 GRIPPERS = Path(__file__).parents[1] / "configs/grippers"
-#: What is read. Before version 3 the box was a cube, `grid`, and hands had only a width; the first of version 1 had
+#: What is read. Before version 3 the box was a cube, `grid`, and grasps had only a width; the first of version 1 had
 #: `told` in place of `detail`.
 FORMATS = tuple(f"graspmill-plan/{version}" for version in (3, 2, 1))
 BEST, COLLISION, GREY, INK = (0, 158, 115), (213, 94, 0), (120, 120, 120), (34, 34, 34)
@@ -45,7 +45,7 @@ def read_cloud(path: Path) -> np.ndarray:
     return cloud
 
 
-def hand(gripper: dict, opening_m: float) -> tuple[np.ndarray, np.ndarray]:
+def gripper_boxes(gripper: dict, opening_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Centres and half lengths (3, 3) of the fingers and the palm in the grasp frame."""
     finger = np.array([gripper[f"finger_{part}_m"] for part in ("width", "thickness", "length")]) / 2
     palm = np.array([gripper[f"palm_{part}_m"] for part in ("width", "breadth", "length")]) / 2
@@ -67,7 +67,7 @@ def log_grasps(recording: rr.RecordingStream, grasps: list[dict], gripper: dict)
         quaternion = rr.Quaternion(xyzw=pose["quaternion_xyzw"])
         recording.log(entity, rr.Transform3D(translation=pose["position_m"], quaternion=quaternion), static=True)
         colour = BEST if place == 0 else [60 + 105 * place // len(grasps)] * 3
-        centres, halves = hand(gripper, grasp["opening_m"] if "opening_m" in grasp else grasp["width_m"])
+        centres, halves = gripper_boxes(gripper, grasp["opening_m"] if "opening_m" in grasp else grasp["width_m"])
         labels = ["", "", grasp_label(grasp)]
         boxes = rr.Boxes3D(centers=centres, half_sizes=halves, colors=[colour] * 3, labels=labels, show_labels=place < 5)
         recording.log(f"{entity}/hand", boxes, static=True)
@@ -112,7 +112,7 @@ def main() -> int:
     parser.add_argument("plan", type=Path, help="the plan as JSON")
     parser.add_argument("--cloud", type=Path, required=True, help="its cloud with labels (NPY)")
     parser.add_argument("--out", type=Path, required=True, help="the recording (.rrd)")
-    parser.add_argument("--gripper", type=Path, help="the hand's file, if it is not among configs/grippers")
+    parser.add_argument("--gripper", type=Path, help="the gripper's file, if it is not among configs/grippers")
     args = parser.parse_args()
     plan = json.loads(args.plan.read_text())
     if plan.get("format") not in FORMATS:
@@ -123,7 +123,7 @@ def main() -> int:
         raise SystemExit(f"the plan is for {plan['gripper']}, none of {', '.join(sorted(built_in))}: --gripper")
     gripper = tomllib.loads(file.read_text())
     if plan["gripper"] != gripper["name"]:
-        raise SystemExit(f"the plan is for {plan['gripper']}, the hand is {gripper['name']}: --gripper")
+        raise SystemExit(f"the plan is for {plan['gripper']}, the gripper is {gripper['name']}: --gripper")
     # The viewer merges recordings with the same id.
     recording_id = hashlib.sha256(args.plan.read_bytes() + args.cloud.read_bytes()).hexdigest()
     record(plan, read_cloud(args.cloud), gripper, recording_id, args.out)

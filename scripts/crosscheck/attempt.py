@@ -27,12 +27,12 @@ from .pose import Pose
 
 # Speed of the simulated approach (mode "own approach").
 APPROACH_SPEED_M_S = 0.1
-# A retreating hand is held against fixtures this often on its way.
+# A retreating gripper is held against fixtures this often on its way.
 WAY_STEP_M = 0.002
 
 
 class Engine(Protocol):
-    """A physics engine with a scene and a hand. The palm follows commanded positions; forces act on the fingers."""
+    """A physics engine with a scene and a gripper. The palm follows commanded positions; forces act on the fingers."""
 
     name: str
     step_rate_hz: float
@@ -41,16 +41,16 @@ class Engine(Protocol):
         """Takes a scene over; nothing moves yet."""
 
     def begin(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
-        """The scene as stored, with the open hand at a grasp; it will be able to move along `retreat` (3,)."""
+        """The scene as stored, with the open gripper at a grasp; it will be able to move along `retreat` (3,)."""
 
     def place(self, workspace_from_grasp: Pose) -> None:
-        """Puts the open hand elsewhere, without touching anything."""
+        """Puts the open gripper elsewhere, without touching anything."""
 
     def step(self) -> None:
         """Advances by one step; the fingers close until `press` is called first, unless `hold_open` was."""
 
     def hold_open(self, is_open: bool) -> None:
-        """Keeps the fingers where they are while the hand approaches."""
+        """Keeps the fingers where they are while the gripper approaches."""
 
     def closed_m(self) -> tuple[float, float]:
         """How far the fingers (−y, +y) have closed."""
@@ -71,7 +71,7 @@ class Engine(Protocol):
         """Whether both fingers press on an object."""
 
     def nearest(self, target: int, reach_m: float) -> str | None:
-        """What the hand comes nearer to than `reach_m`: target, other, container, table; None if nothing."""
+        """What the gripper comes nearer to than `reach_m`: target, other, container, table; None if nothing."""
 
 
 class Runner:
@@ -83,7 +83,7 @@ class Runner:
         engine.load(scene, gripper, environment)
 
     def from_closing(self, attempt: Attempt, pose: Pose) -> Execution:
-        """Puts the hand at the grasp, closes, retreats, holds."""
+        """Puts the gripper at the grasp, closes, retreats, holds."""
         self._engine.begin(pose, self._retreat(pose))
         return self._close_and_lift(attempt, pose)
 
@@ -147,7 +147,7 @@ class Runner:
         return self._width_m()
 
     def _retreat_and_hold(self, target: int, pose: Pose, start_m: np.ndarray) -> tuple[bool, float]:
-        """Whether the target moved with the hand and is still gripped, and how far it moved."""
+        """Whether the target moved with the gripper and is still gripped, and how far it moved."""
         engine, procedure, rate = self._engine, self._procedure, self._engine.step_rate_hz
         distance = procedure.retreat_distance_m
         direction = self._retreat(pose)
@@ -163,7 +163,7 @@ class Runner:
         return travel >= procedure.held_travel_share_min * distance and engine.grips(target), travel
 
     def _pushed(self, attempt: Attempt, pose: Pose, before: np.ndarray, after: np.ndarray) -> str | None:
-        """What the closing hand drove: another object; or what is within half the clearance of a finger's way."""
+        """What the closing gripper drove: another object; or what is within half the clearance of a finger's way."""
         moved = np.linalg.norm(after - before, axis=1)
         moved[attempt.target] = 0.0
         if (moved > self._procedure.other_push_m_max).any():
@@ -176,13 +176,13 @@ class Runner:
         return "table" if any(low) else None
 
     def _lifted_into_fixture(self, pose: Pose) -> str | None:
-        """Whether the hand, closed as it is, comes within half the clearance of a fixture anywhere on its retreat."""
+        """Whether the gripper, closed as it is, comes within half the clearance of a fixture along its retreat."""
         left, right = self._ways_m()
         ways, near_m = [left, right, np.zeros(3), left, right], self._gripper.clearance_m / 2
-        hand = [box.shifted(way).grown(near_m) for box, way in zip(self._gripper.open_gripper(), ways)]
+        boxes = [box.shifted(way).grown(near_m) for box, way in zip(self._gripper.open_gripper(), ways)]
         direction, distance = self._retreat(pose), self._procedure.retreat_distance_m
         along = [pose.moved(direction * d) for d in np.linspace(0, distance, ceil(distance / WAY_STEP_M) + 1)]
-        return "container" if gate.touches(self._scene.fixtures, along, hand) else None
+        return "container" if gate.touches(self._scene.fixtures, along, boxes) else None
 
     def _raised(self, attempt: Attempt, before: np.ndarray) -> str | None:
         raised = (self._engine.positions_m() - before)[:, 2]

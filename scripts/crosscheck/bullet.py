@@ -1,7 +1,7 @@
 """PyBullet as the second engine.
 
 Several defaults must be changed to simulate the same world. Hulls are 1 mm larger than their vertices on every side (the
-collision margin). Bodies are damped. A hand that is moved by resetting its pose has no velocity and exerts no friction. With
+collision margin). Bodies are damped. A gripper that is moved by resetting its pose has no velocity and exerts no friction. With
 the default 50 solver iterations, fingers sink up to a centimetre into light objects. Here hulls are
 shrunk by a margin of 0.1 mm that Bullet adds again, cuboids are Bullet's boxes (two hulls share too few contact points for
 a flat face to slide without tilting), damping is 0, iterations are 200, and the palm is the link of a prismatic joint
@@ -58,7 +58,7 @@ class Bullet:
     """A PyBullet world in DIRECT mode; see `crosscheck.attempt.Engine`."""
 
     name = "pybullet"
-    # Of the hand's root, 0 for one that is fixed.
+    # Of the gripper's root, 0 for one that is fixed.
     root_mass_kg = 0.0
 
     def __init__(self, options: BulletOptions = BulletOptions()):
@@ -77,7 +77,7 @@ class Bullet:
         self._centroids = [o.solid.centroid_m for o in scene.objects]
 
     def begin(self, workspace_from_grasp: Pose | None, retreat: np.ndarray | None) -> None:
-        """A fresh world, built from the stored rows; without a hand if there is no pose."""
+        """A fresh world, built from the stored rows; without a gripper if there is no pose."""
         c = self.client
         pybullet.resetSimulation(physicsClientId=c)
         pybullet.setPhysicsEngineParameter(
@@ -87,9 +87,9 @@ class Bullet:
         self._table = self._add_table()
         self._fixtures = [self._add_fixture(part) for part in self._scene.fixtures]
         self.bodies = [self._add_object(one) for one in self._scene.objects]
-        self._hand = None
+        self._gripper_id = None
         if workspace_from_grasp is not None:
-            self._add_hand(workspace_from_grasp, retreat)
+            self._add_gripper(workspace_from_grasp, retreat)
 
     def _add_table(self) -> int:
         shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=TABLE_HALF_M, physicsClientId=self.client)
@@ -152,7 +152,7 @@ class Bullet:
             pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=self.client
         )
 
-    def _add_hand(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
+    def _add_gripper(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
         c, gripper, pose = self.client, self._gripper, workspace_from_grasp
         boxes = [gripper.palm(), *gripper.fingers(gripper.opening_m_max)]
         shapes = [
@@ -161,7 +161,7 @@ class Bullet:
         centres = [box.centre_m for box in boxes]
         # Link frames sit at the boxes' centres; the fingers' are given from the palm's.
         frames = [centres[0], centres[1] - centres[0], centres[2] - centres[0]]
-        self._hand = pybullet.createMultiBody(
+        self._gripper_id = pybullet.createMultiBody(
             self.root_mass_kg, basePosition=pose.position_m, baseOrientation=pose.quat_xyzw,
             linkMasses=[PALM_MASS_KG, gripper.finger_mass_kg, gripper.finger_mass_kg],
             linkCollisionShapeIndices=shapes, linkVisualShapeIndices=[-1] * 3,
@@ -170,34 +170,36 @@ class Bullet:
             linkParentIndices=[0, 1, 1], linkJointTypes=[pybullet.JOINT_PRISMATIC] * 3,
             linkJointAxis=[pose.rotation.T @ retreat, [0, 1, 0], [0, -1, 0]], physicsClientId=c,
         )  # fmt: skip
-        self._surface(self._hand, PALM, gripper.friction)
+        self._surface(self._gripper_id, PALM, gripper.friction)
         for finger in (LEFT, RIGHT):
             self._surface(
-                self._hand, finger, gripper.friction, jointLowerLimit=0.0, jointUpperLimit=gripper.opening_m_max / 2
-            )
-        # The hand is held by a robot that makes up for the fingers' weight.
+                self._gripper_id, finger, gripper.friction, jointLowerLimit=0.0,
+                jointUpperLimit=gripper.opening_m_max / 2,
+            )  # fmt: skip
+        # The gripper is held by a robot that makes up for the fingers' weight.
         self._lift = (pose.rotation.T @ [0, 0, gripper.finger_mass_kg * self._environment.gravity_m_s2]).tolist()
         self._drive_palm(0.0)
         self._drive_fingers(gripper.closing_speed_m_s, gripper.finger_force_n)
 
     def _drive_palm(self, velocity_m_s: float) -> None:
         pybullet.setJointMotorControl2(
-            self._hand, PALM, pybullet.VELOCITY_CONTROL, targetVelocity=velocity_m_s, force=PALM_FORCE_N,
+            self._gripper_id, PALM, pybullet.VELOCITY_CONTROL, targetVelocity=velocity_m_s, force=PALM_FORCE_N,
             physicsClientId=self.client,
         )  # fmt: skip
 
     def _drive_fingers(self, velocity_m_s: float, force_n: float) -> None:
         for finger in (LEFT, RIGHT):
             pybullet.setJointMotorControl2(
-                self._hand, finger, pybullet.VELOCITY_CONTROL, targetVelocity=velocity_m_s, force=force_n,
+                self._gripper_id, finger, pybullet.VELOCITY_CONTROL, targetVelocity=velocity_m_s, force=force_n,
                 physicsClientId=self.client,
             )  # fmt: skip
 
     def place(self, workspace_from_grasp: Pose) -> None:
-        """Puts the hand's root elsewhere."""
+        """Puts the gripper's root elsewhere."""
         pybullet.resetBasePositionAndOrientation(
-            self._hand, workspace_from_grasp.position_m, workspace_from_grasp.quat_xyzw, physicsClientId=self.client
-        )
+            self._gripper_id, workspace_from_grasp.position_m, workspace_from_grasp.quat_xyzw,
+            physicsClientId=self.client,
+        )  # fmt: skip
 
     def hold_open(self, is_open: bool) -> None:
         """Fingers stand still, or close."""
@@ -205,34 +207,34 @@ class Bullet:
 
     def step(self) -> None:
         """One step."""
-        if self._hand is not None:
+        if self._gripper_id is not None:
             for finger in (LEFT, RIGHT):
                 pybullet.applyExternalForce(
-                    self._hand, finger, self._lift, [0, 0, 0], pybullet.LINK_FRAME, physicsClientId=self.client
+                    self._gripper_id, finger, self._lift, [0, 0, 0], pybullet.LINK_FRAME, physicsClientId=self.client
                 )
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def closed_m(self) -> tuple[float, float]:
         """How far the fingers have closed."""
-        left, right = pybullet.getJointStates(self._hand, [LEFT, RIGHT], physicsClientId=self.client)
+        left, right = pybullet.getJointStates(self._gripper_id, [LEFT, RIGHT], physicsClientId=self.client)
         return left[0], right[0]
 
     def press(self, asymmetry_at_contact_m: float) -> None:
         """Finger force, gear spring and damper, as forces on the joints."""
-        left, right = pybullet.getJointStates(self._hand, [LEFT, RIGHT], physicsClientId=self.client)
+        left, right = pybullet.getJointStates(self._gripper_id, [LEFT, RIGHT], physicsClientId=self.client)
         spring = GEAR_STIFFNESS_N_M * (left[0] - right[0] - asymmetry_at_contact_m) / 2
         for finger, state, sign in ((LEFT, left, 1.0), (RIGHT, right, -1.0)):
             force = self._gripper.finger_force_n - sign * spring - GEAR_DAMPING_N_S_M * state[1]
             pybullet.setJointMotorControl2(
-                self._hand, finger, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=self.client
+                self._gripper_id, finger, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=self.client
             )
             pybullet.setJointMotorControl2(
-                self._hand, finger, pybullet.TORQUE_CONTROL, force=force, physicsClientId=self.client
+                self._gripper_id, finger, pybullet.TORQUE_CONTROL, force=force, physicsClientId=self.client
             )
 
     def move_to(self, distance_m: float) -> None:
         """The speed that brings the palm there in one step."""
-        now = pybullet.getJointState(self._hand, PALM, physicsClientId=self.client)[0]
+        now = pybullet.getJointState(self._gripper_id, PALM, physicsClientId=self.client)[0]
         self._drive_palm((distance_m - now) * self.step_rate_hz)
 
     def positions_m(self) -> np.ndarray:
@@ -252,17 +254,17 @@ class Bullet:
         """Whether both fingers press on an object."""
         body = self.bodies[target]
         return all(
-            any(point[9] > 0 for point in pybullet.getContactPoints(body, self._hand, linkIndexB=finger, physicsClientId=self.client))
+            any(point[9] > 0 for point in pybullet.getContactPoints(body, self._gripper_id, linkIndexB=finger, physicsClientId=self.client))
             for finger in (LEFT, RIGHT)
         )  # fmt: skip
 
     def nearest(self, target: int, reach_m: float) -> str | None:
-        """What the hand comes nearer to than `reach_m`, by Bullet's own distance query."""
+        """What the gripper comes nearer to than `reach_m`, by Bullet's own distance query."""
         others = [body for i, body in enumerate(self.bodies) if i != target]
         things = {"target": [self.bodies[target]], "other": others, "container": self._fixtures, "table": [self._table]}
         for name, bodies in things.items():
             for body in bodies:
-                points = pybullet.getClosestPoints(self._hand, body, reach_m, physicsClientId=self.client)
+                points = pybullet.getClosestPoints(self._gripper_id, body, reach_m, physicsClientId=self.client)
                 if any(point[8] <= reach_m for point in points):
                     return name
         return None

@@ -1,4 +1,4 @@
-"""The label's contract: the hand, the procedure, the outcomes. Numbers come from the dataset's meta/info.json."""
+"""The label's contract: the gripper, the procedure, the outcomes. Numbers come from the dataset's meta/info.json."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ STOPPED_TIME_S = 0.025
 # The gear that ties the fingers to each other while they press.
 GEAR_STIFFNESS_N_M = 2_000.0
 GEAR_DAMPING_N_S_M = 20.0
-# Under a board the hand rises by this share of its way out.
+# Under a board the gripper rises by this share of its way out.
 RISE = 0.2
 
 
 @dataclass(frozen=True)
 class GripperBox:
-    """A box of the hand along the grasp frame's axes: `centre_m` (3,), `half_m` (3,)."""
+    """A box of the gripper along the grasp frame's axes: `centre_m` (3,), `half_m` (3,)."""
 
     centre_m: np.ndarray
     half_m: np.ndarray
@@ -124,7 +124,7 @@ class SceneObject:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A stored attempt. `width_m` is NaN where the hand never closed."""
+    """A stored attempt. `width_m` is NaN where the gripper never closed."""
 
     attempt_id: int
     target: int
@@ -153,7 +153,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Execution:
-    """How an attempt ended. `hit` is target, other, container or table; `width_m` is NaN if the hand never closed.
+    """How an attempt ended. `hit` is target, other, container or table; `width_m` is NaN if the gripper never closed.
 
     `travel_m`: how far the target came along the retreat.
     """
@@ -186,6 +186,6 @@ def retreat_direction(workspace_from_grasp: Pose, cone_rad: float, is_covered: b
 
 
 def lowest_z_m(box: GripperBox, workspace_from_grasp: Pose) -> float:
-    """Height of a hand box's lowest corner."""
+    """Height of a gripper box's lowest corner."""
     centre = workspace_from_grasp.apply(box.centre_m)
     return float(centre[2] - np.abs(workspace_from_grasp.rotation[2]) @ box.half_m)

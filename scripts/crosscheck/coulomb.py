@@ -4,8 +4,8 @@
     PYTHONPATH=scripts python -m crosscheck.coulomb data/coulomb [--engine pybullet|mujoco]
 
 Two fingers of force F hold a body of mass m by friction with at most 2 μ F, which accelerates it upwards by at most
-c = 2 μ F / m − g. The hand rises by d in the time T along a smoothstep, with the initial acceleration A = 6 d / T². If c < A the body
-lags, from the start until the hand has slowed down to its speed, by
+c = 2 μ F / m − g. The gripper rises by d in the time T along a smoothstep, with the initial acceleration A = 6 d / T². If c < A the body
+lags, from the start until the gripper has slowed down to its speed, by
 
     lag = d · k³,    k = 1 − c / A
 
@@ -42,7 +42,7 @@ class Lift:
 
 
 def lag_m(mass_kg: float, friction: float, force_n: float, procedure: Procedure, gravity_m_s2: float) -> float:
-    """How far a body falls behind the hand; infinite if it falls out."""
+    """How far a body falls behind the gripper; infinite if it falls out."""
     distance, time = procedure.retreat_distance_m, procedure.retreat_distance_m / procedure.retreat_speed_m_s
     wanted = 6 * distance / time**2
     given = 2 * friction * force_n / mass_kg - gravity_m_s2

@@ -46,7 +46,7 @@ class Dataset:
     scene_count: int
 
     def gripper_of(self, scene: Scene) -> Gripper:
-        """Several hands take turns."""
+        """Several grippers take turns."""
         return self.grippers[scene.scene_id % len(self.grippers)]
 
 

@@ -38,6 +38,6 @@ def make_floating(name: str, is_fast: bool) -> FloatingEngine:
 
 
 def describe(engine: Engine) -> dict:
-    """Engine, version and settings, for the report; the step rate is that of the hand that was loaded last."""
+    """Engine, version and settings, for the report; the step rate is that of the gripper that was loaded last."""
     name, settings = engine.name, {**vars(engine.options), "step_rate_hz": engine.step_rate_hz}
     return {"engine": name, "version": version(name), "settings": settings}

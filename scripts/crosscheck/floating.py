@@ -1,6 +1,6 @@
 """One grasp of a floating object in another engine, as simulator/src/floating.rs has it.
 
-There a shaken hand is a frame that accelerates; here the hand is moved, so that one checks the other.
+There a shaken gripper is a frame that accelerates; here the gripper is moved, so that one checks the other.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class FloatingEngine(Engine, Protocol):
-    """An engine whose hand can be carried anywhere, and whose object can be pulled."""
+    """An engine whose gripper can be carried anywhere, and whose object can be pulled."""
 
     def pull(self, acceleration_m_s2: np.ndarray) -> None:
-        """Accelerates the object by so much (3,) from the next step on; the hand is not affected."""
+        """Accelerates the object by so much (3,) from the next step on; the gripper is not affected."""
 
     def carry(self, workspace_from_grasp: Pose) -> None:
-        """Where the hand is to be at the end of the next step, and to stay; it has the speed of its way."""
+        """Where the gripper is to be at the end of the next step, and to stay; it has the speed of its way."""
 
     def centre_m(self) -> np.ndarray:
         """The object's centre of mass (3,)."""
@@ -44,13 +44,13 @@ class FloatingEngine(Engine, Protocol):
 
 @dataclass(frozen=True)
 class Load:
-    """What a closed hand is put to: how the object is pulled at a time, and where the hand is, if it moves.
+    """What a closed gripper is put to: how the object is pulled at a time, and where the gripper is, if it moves.
 
     Both in the frame of the grasp."""
 
     time_s: float
     pull_m_s2: Callable[[float], np.ndarray]
-    hand: Callable[[float], Pose] | None = None
+    gripper_pose: Callable[[float], Pose] | None = None
 
 
 def pull(direction: list[float], time_s: float) -> Load:
@@ -60,10 +60,10 @@ def pull(direction: list[float], time_s: float) -> Load:
 
 
 def shake(way_m: np.ndarray, turn_rad: np.ndarray, pivot_m: np.ndarray, rate_hz: float, cycles: float) -> Load:
-    """The hand goes to and fro along a way, then it turns to and fro about a pivot."""
+    """The gripper goes to and fro along a way, then it turns to and fro about a pivot."""
     half_s = cycles / rate_hz
 
-    def hand(now_s: float) -> Pose:
+    def gripper_pose(now_s: float) -> Pose:
         swings_s = now_s if now_s < half_s else now_s - half_s
         share = (1 - np.cos(2 * np.pi * rate_hz * swings_s)) / 2
         if now_s < half_s:
@@ -71,7 +71,7 @@ def shake(way_m: np.ndarray, turn_rad: np.ndarray, pivot_m: np.ndarray, rate_hz:
         turned = Pose(np.zeros(3), UPRIGHT).turned(share * turn_rad)
         return turned.moved(pivot_m - turned.apply(pivot_m))
 
-    return Load(2 * half_s, lambda now_s: np.zeros(3), hand)
+    return Load(2 * half_s, lambda now_s: np.zeros(3), gripper_pose)
 
 
 def loads(test: str, gripper: Gripper) -> list[Load]:
@@ -125,14 +125,14 @@ class FloatingRunner(Runner):
             self._engine.press(self._asymmetry_m)
 
     def _bears(self, load: Load, pose: Pose) -> tuple[bool, float]:
-        """Whether the object stays in the hand, and how far it moved in it."""
+        """Whether the object stays in the gripper, and how far it moved in it."""
         engine, rate, moved_m = self._floating, self._engine.step_rate_hz, 0.0
         there, start_m = pose, self._centre_m(pose)
         for step in range(steps(load.time_s, rate)):
             engine.press(self._asymmetry_m)
             engine.pull(pose.rotation @ load.pull_m_s2((step + 0.5) / rate))
-            if load.hand is not None:
-                there = pose.of(load.hand((step + 1) / rate))
+            if load.gripper_pose is not None:
+                there = pose.of(load.gripper_pose((step + 1) / rate))
                 engine.carry(there)
             engine.step()
             moved_m = float(np.linalg.norm(self._centre_m(there) - start_m))
@@ -140,8 +140,8 @@ class FloatingRunner(Runner):
                 return False, moved_m
         return engine.grips(0), moved_m
 
-    def _centre_m(self, hand: Pose) -> np.ndarray:
-        """The centre of mass against the point between the fingers, in the hand's frame (3,)."""
+    def _centre_m(self, grasp: Pose) -> np.ndarray:
+        """The centre of mass against the point between the fingers, in the grasp frame (3,)."""
         left, right = self._engine.closed_m()
         middle_m = np.array([0.0, (left - right) / 2, 0.0])
-        return (self._floating.centre_m() - hand.position_m) @ hand.rotation - middle_m
+        return (self._floating.centre_m() - grasp.position_m) @ grasp.rotation - middle_m

@@ -1,4 +1,4 @@
-"""PyBullet for a floating object: the hand's root is so heavy that nothing moves it but the speed that is written.
+"""PyBullet for a floating object: the gripper's root is so heavy that nothing moves it but the speed that is written.
 
 Of the points of a contact PyBullet may load one alone, and a hull's contact often has but one: what turns an object
 between two fingers is then hardly resisted, and it swings where in other engines it does not.
@@ -25,15 +25,15 @@ class FloatingBullet(CompoundBullet):
         self._force_n = np.zeros(3)
         super().begin(workspace_from_grasp, retreat)
 
-    def _add_hand(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
-        super()._add_hand(workspace_from_grasp, retreat)
+    def _add_gripper(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
+        super()._add_gripper(workspace_from_grasp, retreat)
         pybullet.changeDynamics(
-            self._hand, -1, localInertiaDiagonal=ROOT_INERTIA_KG_M2, physicsClientId=self.client
+            self._gripper_id, -1, localInertiaDiagonal=ROOT_INERTIA_KG_M2, physicsClientId=self.client
         )
         self._there = workspace_from_grasp
 
     def place(self, workspace_from_grasp: Pose) -> None:
-        """Puts the hand's root elsewhere."""
+        """Puts the gripper's root elsewhere."""
         super().place(workspace_from_grasp)
         self._there = workspace_from_grasp
 
@@ -42,7 +42,7 @@ class FloatingBullet(CompoundBullet):
         self._force_n = self._scene.objects[0].mass_kg * acceleration_m_s2
 
     def carry(self, workspace_from_grasp: Pose) -> None:
-        """Where the hand is to be at the end of the next step."""
+        """Where the gripper is to be at the end of the next step."""
         self._there = workspace_from_grasp
 
     def centre_m(self) -> np.ndarray:
@@ -52,11 +52,13 @@ class FloatingBullet(CompoundBullet):
     def step(self) -> None:
         """One step."""
         c, there = self.client, self._there
-        at_m, quat = (np.array(part) for part in pybullet.getBasePositionAndOrientation(self._hand, physicsClientId=c))
+        base = pybullet.getBasePositionAndOrientation(self._gripper_id, physicsClientId=c)
+        at_m, quat = (np.array(part) for part in base)
         turn_rad = vector_from_quat(product(there.quat_xyzw, conjugate(quat)))
         pybullet.resetBaseVelocity(
-            self._hand, (there.position_m - at_m) * self.step_rate_hz, turn_rad * self.step_rate_hz, physicsClientId=c
-        )
+            self._gripper_id, (there.position_m - at_m) * self.step_rate_hz, turn_rad * self.step_rate_hz,
+            physicsClientId=c,
+        )  # fmt: skip
         pybullet.applyExternalForce(
             self.bodies[0], -1, self._force_n, self.centre_m(), pybullet.WORLD_FRAME, physicsClientId=c
         )

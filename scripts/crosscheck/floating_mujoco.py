@@ -1,4 +1,4 @@
-"""MuJoCo for a floating object: the hand's root is free, and its pose and speed are written in every step."""
+"""MuJoCo for a floating object: the gripper's root is free, and its pose and speed are written in every step."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class FloatingMujoco(Mujoco):
         return model
 
     def place(self, workspace_from_grasp: Pose) -> None:
-        """Moves the hand's root."""
+        """Moves the gripper's root."""
         self._there = workspace_from_grasp
         self._data.qvel[self._root_speed] = 0
         self._put()
@@ -41,7 +41,7 @@ class FloatingMujoco(Mujoco):
         self._data.xfrc_applied[self._bodies[0], :3] = self._mass_kg * acceleration_m_s2
 
     def carry(self, workspace_from_grasp: Pose) -> None:
-        """Where the hand is to be at the end of the next step."""
+        """Where the gripper is to be at the end of the next step."""
         self._there = workspace_from_grasp
 
     def centre_m(self) -> np.ndarray:
@@ -50,7 +50,7 @@ class FloatingMujoco(Mujoco):
         return self._data.xipos[self._bodies[0]].copy()
 
     def step(self) -> None:
-        """One step; the hand ends at its commanded pose."""
+        """One step; the gripper ends at its commanded pose."""
         now, there, rate = self._data.qpos[self._root], self._there, self.step_rate_hz
         # Of a free joint the way is the workspace's, the turn the body's own.
         way_m = there.position_m - now[:3]

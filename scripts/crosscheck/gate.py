@@ -1,7 +1,7 @@
-"""A reimplementation of the geometric gate, which decides the attempts that are blocked before the hand closes.
+"""A reimplementation of the geometric gate, which decides the attempts that are blocked before the gripper closes.
 
-The approach is straight along the grasp's z, so what a box of the hand sweeps is a longer box. Boxes are grown by the
-clearance and tested against the polyhedra of objects and container by separating axes, in double precision, all attempts on an object at
+The approach is straight along the grasp's z, so what a box of the gripper sweeps is a longer box. Boxes are grown by
+the clearance and tested against the polyhedra of objects and container by separating axes, in double precision, all attempts on an object at
 once. `separation` keeps the widest gap along any axis, so that grazing cases can be distinguished from clear ones.
 """
 
@@ -58,9 +58,9 @@ def _products(edges: np.ndarray) -> np.ndarray:
 def judge(scene: Scene, poses: list[Pose], gripper: Gripper, procedure: Procedure, table_z_m: float) -> list[GateResult]:
     """The gate's results for the scene's attempts, whose grasps are at `poses`."""
     back = np.array([0.0, 0.0, -procedure.pregrasp_distance_m])
-    hand = gripper.open_gripper()
-    pregrasp = [box.shifted(back).grown(gripper.clearance_m) for box in hand]
-    approach = [box.swept(back).grown(gripper.clearance_m) for box in hand]
+    parts = gripper.open_gripper()
+    pregrasp = [box.shifted(back).grown(gripper.clearance_m) for box in parts]
+    approach = [box.swept(back).grown(gripper.clearance_m) for box in parts]
     boxes = pregrasp + approach
     objects = np.stack([_gaps(o.solid.convexes, o.workspace_from_object, poses, boxes) for o in scene.objects], axis=1)
     container, table = _gaps(scene.fixtures, HOME, poses, boxes), _table_gaps(poses, boxes, table_z_m)

@@ -46,7 +46,7 @@ class Mujoco:
         """Nothing to let go of."""
 
     def load(self, scene: Scene, gripper: Gripper, environment: Environment) -> None:
-        """Compiles a scene and a hand."""
+        """Compiles a scene and a gripper."""
         self._gripper, self._count = gripper, len(scene.objects)
         self._model = self._compiled(_model_xml(scene, gripper, environment, self.options))
         self._data = mujoco.MjData(self._model)
@@ -54,7 +54,7 @@ class Mujoco:
         self._bodies = [model.body(f"object{i}").id for i in range(self._count)]
         self._geoms = [[model.geom(name).id for name in _parts(scene, i)] for i in range(self._count)]
         self._finger_geoms = [model.geom(name).id for name in FINGERS]
-        self._hand_geoms = [*self._finger_geoms, model.geom("palm").id]
+        self._gripper_geoms = [*self._finger_geoms, model.geom("palm").id]
         self._table_geom = model.geom("table").id
         self._fixture_geoms = [model.geom(name).id for name in _fixtures(scene)]
         self._slides = {name: model.joint(name).qposadr[0] for name in (*FINGERS, "palm")}
@@ -64,7 +64,7 @@ class Mujoco:
         return mujoco.MjModel.from_xml_string(xml)
 
     def begin(self, workspace_from_grasp: Pose | None, retreat: np.ndarray | None) -> None:
-        """The scene as stored; a hand that is not wanted is put out of the way."""
+        """The scene as stored; a gripper that is not wanted is put out of the way."""
         mujoco.mj_resetData(self._model, self._data)
         pose = workspace_from_grasp or Pose(np.array([0.0, 0.0, 5.0]), np.array([0.0, 0.0, 0.0, 1.0]))
         self._model.jnt_axis[self._model.joint("palm").id] = pose.rotation.T @ (np.eye(3)[2] if retreat is None else retreat)
@@ -73,7 +73,7 @@ class Mujoco:
         self.hold_open(False)
 
     def place(self, workspace_from_grasp: Pose) -> None:
-        """Moves the hand's root."""
+        """Moves the gripper's root."""
         root = self._model.body("root").id
         self._model.body_pos[root] = workspace_from_grasp.position_m
         self._model.body_quat[root] = np.roll(workspace_from_grasp.quat_xyzw, 1)
@@ -141,14 +141,14 @@ class Mujoco:
         return float(force[0])
 
     def nearest(self, target: int, reach_m: float) -> str | None:
-        """What the hand comes nearer to than `reach_m`, by MuJoCo's own distance query."""
+        """What the gripper comes nearer to than `reach_m`, by MuJoCo's own distance query."""
         mujoco.mj_kinematics(self._model, self._data)
         others = [geom for i, geoms in enumerate(self._geoms) if i != target for geom in geoms]
         things = {
             "target": self._geoms[target], "other": others, "container": self._fixture_geoms, "table": [self._table_geom],
         }  # fmt: skip
         for name, geoms in things.items():
-            if any(self._distance(hand, geom, reach_m) <= reach_m for hand in self._hand_geoms for geom in geoms):
+            if any(self._distance(part, geom, reach_m) <= reach_m for part in self._gripper_geoms for geom in geoms):
                 return name
         return None
 
@@ -161,10 +161,10 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
     indices = range(len(scene.objects))
     parts = {i: _parts(scene, i) for i in indices}
     frictions = {name: scene.objects[i].friction for i in indices for name in parts[i]}
-    hand = dict.fromkeys(("palm", *FINGERS), gripper.friction)
+    own = dict.fromkeys(("palm", *FINGERS), gripper.friction)
     among = [pair for i, j in combinations(indices, 2) for pair in product(parts[i], parts[j])]
     pairs = [(a, b, frictions[a] * frictions[b]) for a, b in among]
-    pairs += [(a, b, frictions[a] * hand[b]) for a in frictions for b in hand]
+    pairs += [(a, b, frictions[a] * own[b]) for a in frictions for b in own]
     for fixed in ("table", *_fixtures(scene)):
         pairs += [(a, fixed, frictions[a] * environment.table_friction) for a in frictions]
         pairs += [(finger, fixed, gripper.friction * environment.table_friction) for finger in FINGERS]
@@ -188,7 +188,7 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
     bodies = "".join(_object_xml(i, scene) for i in indices)
     return (
         f"<mujoco>{option}<default><geom contype='0' conaffinity='0'/></default><asset>{meshes}</asset>"
-        f"<worldbody>{table}{fixtures}{bodies}{_hand_xml(gripper)}</worldbody>"
+        f"<worldbody>{table}{fixtures}{bodies}{_gripper_xml(gripper)}</worldbody>"
         f"<contact>{contacts}</contact><actuator>{motors}</actuator></mujoco>"
     )
 
@@ -216,7 +216,7 @@ def _object_xml(index: int, scene: Scene) -> str:
     return _tag("body", inside, name=name, pos=pose.position_m, quat=np.roll(pose.quat_xyzw, 1))
 
 
-def _hand_xml(gripper: Gripper) -> str:
+def _gripper_xml(gripper: Gripper) -> str:
     def part(name: str, box: GripperBox, axis: tuple, mass_kg: float, inside: str = "", **joint: object) -> str:
         slide = _tag("joint", name=name, type="slide", axis=axis, **joint)
         inertial = _tag("inertial", pos=box.centre_m, mass=mass_kg, diaginertia=(mass_kg * 1e-3,) * 3)

@@ -28,13 +28,13 @@ def read(folder: Path, object_count: int | None, grasp_count: int | None) -> tup
     files = sorted(path for path in folder.glob("*.json") if path.with_suffix(".parquet").is_file())
     if not files:
         raise NoDataset(f"{folder} holds no set of grasps: there is no NAME.json with a NAME.parquet")
-    tests, hands, procedures, scenes = set(), [], [], []
+    tests, grippers, procedures, scenes = set(), [], [], []
     for number, path in enumerate(files[:object_count]):
         try:
             about = json.loads(path.read_text())
             tests.add(about["test"])
-            hands.append(build(Gripper, about["gripper"]))
-            loads(about["test"], hands[-1])  # raises for a test that is unknown here
+            grippers.append(build(Gripper, about["gripper"]))
+            loads(about["test"], grippers[-1])  # raises for a test that is unknown here
             procedures.append(build(Procedure, about["settings"]["procedure"]))
             rate = float(about["settings"]["physics"]["step_rate_hz"])
             seed = int(about["settings"]["params"]["seed"])
@@ -45,7 +45,7 @@ def read(folder: Path, object_count: int | None, grasp_count: int | None) -> tup
             raise DamagedDataset(f"{path}: {error!r}") from error
     if len(tests) > 1 or any(procedure != procedures[0] for procedure in procedures):
         raise DamagedDataset(f"{folder}: objects were not tested alike: {', '.join(sorted(tests))}")
-    data = Dataset(folder.resolve().name, seed, hands, procedures[0], NOWHERE, rate, scenes, len(files))
+    data = Dataset(folder.resolve().name, seed, grippers, procedures[0], NOWHERE, rate, scenes, len(files))
     return data, tests.pop()
 
 

@@ -50,7 +50,7 @@ class Report:
 
 @dataclass(frozen=True)
 class Line:
-    """Agreement on some grasps: on all, and on those on which the hand closed in both."""
+    """Agreement on some grasps: on all, and on those on which the gripper closed in both."""
 
     name: str
     overall: Agreement
@@ -153,7 +153,7 @@ def markdown(report: Report, seed: int) -> str:
         f"# Cross-check of {data.name}\n\n",
         f"{len(rows.attempts):,} grasps of {len(data.scenes):,} of {data.scene_count:,} objects, test `{report.test}`; "
         f"{int(rows.labels.sum()):,} held. The label is 1 for `held`; κ is Cohen's, its interval from a bootstrap over "
-        "grasps for one object, over objects for several. *Closed*: grasps on which the hand closes in both.\n\n",
+        "grasps for one object, over objects for several. *Closed*: grasps on which the gripper closes in both.\n\n",
         f"**The gate, written again**: {report.gate_differences:,} grasps are stopped or passed otherwise than "
         "stored.\n\n",
     ]

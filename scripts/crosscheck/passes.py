@@ -37,7 +37,7 @@ class Pass:
 
 @dataclass(frozen=True)
 class Drift:
-    """How far each object of the dataset moved (n,) in metres, and turned (n,) in radians, without contact with the hand."""
+    """How far each object of the dataset moved (n,) in metres, and turned (n,) in radians, untouched by the gripper."""
 
     moved_m: np.ndarray
     turned_rad: np.ndarray

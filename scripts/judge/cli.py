@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
         tried = experiment.read(args.experiment, args.rounds)
         engine = engines.make("pybullet")
         theirs, drift = passes.same_gate("pybullet", tried.data, engine), passes.drift(tried.data, engine)
-        about = engines.describe(engine)  # its settings depend on the hand
+        about = engines.describe(engine)  # its settings depend on the gripper
         engine.close()
         report = report_of(tried, theirs, drift, about, command("judge_pybullet", arguments))
         text = markdown(report)

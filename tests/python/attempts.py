@@ -1,4 +1,4 @@
-"""Fixtures for the tests of the cross-check and of the judge: a hand and its procedure, a table, two orientations."""
+"""Fixtures for the tests of the cross-check and of the judge: a gripper and its procedure, a table, two orientations."""
 
 import numpy as np
 
@@ -20,9 +20,9 @@ UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 DOWN = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about x: the approach points down
 
 
-def closed(name: str, one: Scene, hand: Gripper = GRIPPER) -> Execution:
+def closed(name: str, one: Scene, gripper: Gripper = GRIPPER) -> Execution:
     """How the first attempt of a scene ends in an engine, from closing on."""
     engine, attempt = engines.make(name), one.attempts[0]
-    ended = Runner(engine, one, hand, PROCEDURE, TABLE).from_closing(attempt, attempt.workspace_from_grasp)
+    ended = Runner(engine, one, gripper, PROCEDURE, TABLE).from_closing(attempt, attempt.workspace_from_grasp)
     engine.close()
     return ended

@@ -171,11 +171,11 @@ def test_steps_are_halved_for_fingers_too_light_for_an_explicit_gear():
 
 def test_the_closed_form_of_sliding_is_its_integral():
     time, mass_kg = np.linspace(0, 0.5, 100_001), 3.6
-    hand = 0.1 * (3 * (time / 0.5) ** 2 - 2 * (time / 0.5) ** 3)
-    body = np.minimum(hand, 0.5 * (40.0 / mass_kg - 9.81) * time**2)
-    caught = int(np.argmax(np.gradient(hand, time)[1:] < (40.0 / mass_kg - 9.81) * time[1:]))
+    palm = 0.1 * (3 * (time / 0.5) ** 2 - 2 * (time / 0.5) ** 3)
+    body = np.minimum(palm, 0.5 * (40.0 / mass_kg - 9.81) * time**2)
+    caught = int(np.argmax(np.gradient(palm, time)[1:] < (40.0 / mass_kg - 9.81) * time[1:]))
     lag = lag_m(mass_kg, 1.0, 20.0, PROCEDURE, 9.81)
-    assert lag == pytest.approx((hand - body)[caught], abs=1e-5) and 0.009 < lag < 0.010
+    assert lag == pytest.approx((palm - body)[caught], abs=1e-5) and 0.009 < lag < 0.010
     assert lag_m(3.2, 1.0, 20.0, PROCEDURE, 9.81) == 0.0 and np.isinf(lag_m(4.1, 1.0, 20.0, PROCEDURE, 9.81))
 
 
@@ -186,11 +186,11 @@ def test_a_body_that_is_too_heavy_slides_as_far_as_the_closed_form_says(name, to
 
 
 @pytest.mark.parametrize("name", engines.ENGINES)
-@pytest.mark.parametrize("hand", [GRIPPER, replace(GRIPPER, finger_mass_kg=0.038, finger_force_n=30.0, closing_speed_m_s=0.03)])
-def test_an_engines_own_approach_stops_at_the_clearance(name, hand):
+@pytest.mark.parametrize("gripper", [GRIPPER, replace(GRIPPER, finger_mass_kg=0.038, finger_force_n=30.0, closing_speed_m_s=0.03)])
+def test_an_engines_own_approach_stops_at_the_clearance(name, gripper):
     """Fingers that are light for their force stand as still as others on the way."""
     engine, one = engines.make(name), scene(0.06, 0.1, tip_m=0.03)
-    runner, grasp = Runner(engine, one, hand, PROCEDURE, TABLE), one.attempts[0].workspace_from_grasp
+    runner, grasp = Runner(engine, one, gripper, PROCEDURE, TABLE), one.attempts[0].workspace_from_grasp
     cases = {0.0: "held", 0.018: "held", 0.0196: "approach_collision"}
     found = {shift: runner.own_approach(one.attempts[0], grasp.moved(np.array([0, shift, 0]))) for shift in cases}
     engine.close()

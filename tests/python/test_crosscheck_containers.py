@@ -1,4 +1,4 @@
-"""The cross-check among walls: parts against closed forms and rendered depth, the rules for hands, and a small
+"""The cross-check among walls: parts against closed forms and rendered depth, the rules for grasps, and a small
 cross-check of a dataset with bins, trays and shelves."""
 
 import functools
@@ -136,7 +136,7 @@ def test_the_gate_names_the_container_after_objects_and_before_the_table():
     assert verdict(scene(wall(0.0509), beside_m=0.05)) == ("approach_collision", "other")
 
 
-def test_under_a_board_a_hand_goes_back_and_a_little_up():
+def test_under_a_board_a_gripper_goes_back_and_a_little_up():
     shelf = SHELF.parts(SIZE_M, TABLE_Z_M)
     level = Pose(np.array([0.15, 0.15, 0.1]), quat_from_vector(np.array([-np.pi / 2, 0, 0])))
     np.testing.assert_allclose(level.rotation[:, 2], [0, 1, 0], atol=1e-12)
@@ -150,7 +150,7 @@ def test_under_a_board_a_hand_goes_back_and_a_little_up():
 
 
 @pytest.mark.parametrize("name", engines.ENGINES)
-def test_hands_among_walls_end_as_the_rules_say(name):
+def test_grasps_among_walls_end_as_the_rules_say(name):
     """The cuboid's faces are 20 mm from the middle, the fingers' inner ones 40 mm."""
     cases = {
         "no wall": ((), "held", None),
@@ -241,5 +241,5 @@ def test_another_engine_gives_the_same_labels_among_walls(walled, name, capsys, 
     assert any(attempt.hit == "container" for attempt in report.rows.attempts)
     assert report.gate_differences == []
     assert found.same.outcome_share >= 0.95 and found.same.overall.share >= 0.97
-    # Hands that pass a wall by about the clearance, ten of 360 here, fall on either side of another engine's own gate.
+    # Grasps that pass a wall by about the clearance, ten of 360 here, fall on either side of another engine's own gate.
     assert found.own.outcome_share >= 0.92

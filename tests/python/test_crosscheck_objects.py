@@ -56,16 +56,16 @@ def test_pulls_come_up_to_one_g():
         loads("throw", GRIPPER)
 
 
-def test_a_shake_goes_to_and_fro_and_turns_about_the_hands_base():
+def test_a_shake_goes_to_and_fro_and_turns_about_the_grippers_base():
     shake = loads("shake", GRIPPER)[0]
     base_m = np.array([0.0, 0.0, -GRIPPER.finger_length_m - GRIPPER.palm_length_m])
     assert shake.time_s == 2.0
     for now_s, z_m in ((0.0, 0.0), (0.25, 0.08), (0.5, 0.0), (1.0, 0.0), (2.0, 0.0)):
-        np.testing.assert_allclose(shake.hand(now_s).position_m, [0, 0, z_m], atol=1e-12)
+        np.testing.assert_allclose(shake.gripper_pose(now_s).position_m, [0, 0, z_m], atol=1e-12)
     for now_s, turn_rad in ((1.125, 0.5), (1.25, 1.0), (1.5, 0.0)):
-        hand = shake.hand(now_s)
-        np.testing.assert_allclose(vector_from_quat(hand.quat_xyzw), [0, turn_rad, 0], atol=1e-9)
-        np.testing.assert_allclose(hand.apply(base_m), base_m, atol=1e-12)
+        pose = shake.gripper_pose(now_s)
+        np.testing.assert_allclose(vector_from_quat(pose.quat_xyzw), [0, turn_rad, 0], atol=1e-9)
+        np.testing.assert_allclose(pose.apply(base_m), base_m, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", engines.ENGINES)
@@ -86,7 +86,7 @@ def test_two_fingers_bear_what_coulomb_says(name, test, mass_kg, outcome):
 
 
 @pytest.mark.parametrize("name", engines.ENGINES)
-def test_what_a_hand_has_goes_where_the_hand_goes(name):
+def test_what_a_gripper_has_goes_where_the_gripper_goes(name):
     scene = block(0.1, 1.0)
     run, grasp = runner(name, "lift", scene), scene.attempts[0].workspace_from_grasp
     run.from_closing(scene.attempts[0], grasp)
@@ -96,9 +96,9 @@ def test_what_a_hand_has_goes_where_the_hand_goes(name):
     engine.pull(np.zeros(3))
     for step in range(1, count + 1):
         engine.press(0.0)
-        engine.carry(grasp.of(shake.hand(step / engine.step_rate_hz)))
+        engine.carry(grasp.of(shake.gripper_pose(step / engine.step_rate_hz)))
         engine.step()
-    turned = grasp.of(shake.hand(1.25))
+    turned = grasp.of(shake.gripper_pose(1.25))
     expected = turned.apply((before - grasp.position_m) @ grasp.rotation)
     assert np.linalg.norm(expected - before) > 0.05
     np.testing.assert_allclose(engine.centre_m(), expected, atol=1e-3)
@@ -125,7 +125,7 @@ def sets(tmp_path_factory):
     return make
 
 
-def test_other_engines_give_the_same_labels_for_turned_hands(sets, tmp_path):
+def test_other_engines_give_the_same_labels_for_turned_grasps(sets, tmp_path):
     """Floors well below what 500 grasps of each have, 90 to 93 %; of PyBullet's labels and MuJoCo's 88 % are equal."""
     found = tmp_path / "found.json"
     folder = sets("turn", GRASPS)
@@ -142,7 +142,7 @@ def test_other_engines_give_the_same_labels_for_turned_hands(sets, tmp_path):
 
 
 @pytest.mark.parametrize("name", engines.ENGINES)
-def test_other_engines_give_the_same_labels_for_shaken_hands(sets, name):
+def test_other_engines_give_the_same_labels_for_shaken_grasps(sets, name):
     report = objects_cli.run(objects.read(sets("shake", 12), 1, None), [name], ["own"], is_fast=True)
     line = objects_cli.lines(report, report.passes[f"{name}, own gate"], 1)[-1]
     assert line.overall.count == 12 and line.overall.share >= 0.75

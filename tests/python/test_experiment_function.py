@@ -74,7 +74,7 @@ def test_a_function_is_shown_what_lies_there(tmp_path):
     assert all(np.median(points[:, 2]) > 0.052 for points in things) and 0.04 < np.median(rest[:, 2]) < 0.06
     attempt = rounds_of(tmp_path / "run")[0]["trials"][0]
     assert attempt["quality"] == max(len(points) for points in things) and attempt["planned_count"] == 2
-    # A hand that failed is told, for the protocol has it so.
+    # A grasp that failed is told, for the protocol has it so.
     assert all(len(after.failed) <= 2 for after in looks[1:])
     assert told[-1][:2] == (1, 1) and results.folder == tmp_path / "run"
     assert {"report.html", "report.json", "rounds.parquet", "attempts.parquet"} <= {f.name for f in results.folder.iterdir()}

@@ -30,7 +30,7 @@ def block(low: tuple, high: tuple) -> np.ndarray:
     return np.array(list(product(*zip(low, high))), dtype=np.float32).astype(float)
 
 
-# A stem of 40 mm between the fingers, on a foot wider than the open hand: their hull cannot be grasped near the foot.
+# A stem of 40 mm between the fingers, on a foot wider than the open gripper: their hull cannot be grasped near the foot.
 FOOT, STEM = block((-0.03, -0.06, -0.035), (0.03, 0.06, -0.025)), block((-0.015, -0.02, -0.025), (0.015, 0.02, 0.035))
 STAND = Compound("stand", (hull_of(FOOT), hull_of(STEM)))
 STAND_EXTENTS_M = (0.06, 0.12, 0.07)
@@ -252,8 +252,8 @@ def experiment(folder: Path, attempts: list | None = None, objects: list | None 
     pq.write_table(pa.Table.from_pylist(stood if objects is None else objects), folder / "objects.parquet")
     (folder / "bodies.json").write_text(json.dumps({"stand": {"parts": [{"vertices_m": p.tolist()} for p in (FOOT, STEM)]}}))
     physics = {"engine": "rapier3d", "step_rate_hz": 240.0, "gravity_m_s2": 9.81, "table_friction": 1.0}
-    hand = {"gripper": vars(GRIPPER), "procedure": {**vars(PROCEDURE), "more": 1.0}}
-    (folder / "run.json").write_text(json.dumps({"protocol": "test", "seeds": [7], "table_z_m": 0.05, "physics": physics, **hand}))
+    told = {"gripper": vars(GRIPPER), "procedure": {**vars(PROCEDURE), "more": 1.0}}
+    (folder / "run.json").write_text(json.dumps({"protocol": "test", "seeds": [7], "table_z_m": 0.05, "physics": physics, **told}))
     return folder
 
 

@@ -67,7 +67,7 @@ def test_rows_that_do_not_fit_the_models_are_refused(tmp_path):
 
 @pytest.mark.parametrize("name", engines.ENGINES)
 def test_an_engine_has_the_model_where_it_is_and_holds_it(name):
-    """The hand comes from above: it closes on the bar, across its 30 mm or its 60 mm."""
+    """The gripper comes from above: it closes on the bar, across its 30 mm or its 60 mm."""
     pytest.importorskip(name)
     engine = engines.make(name)
     body = compound_of("tee", [BAR, STEM])

@@ -127,7 +127,7 @@ def test_a_mutant_that_is_only_mended_is_the_dataset(tmp_path):
 
 
 def test_stored_physics_is_held_to_its_ranges(tmp_path):
-    """`shards/src/format/info.rs` has the hand and the procedure."""
+    """`shards/src/format/info.rs` has the gripper and the procedure."""
     mutant = Mutant(DATASET, tmp_path / "data")
     text, count = re.subn(r'("step_rate_hz": )[0-9.]+', r"\g<1>1e9", (mutant.folder / INFO).read_text())
     (mutant.folder / INFO).write_text(text)

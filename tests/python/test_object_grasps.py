@@ -8,10 +8,10 @@ import pytest
 from grasp_sets import ABOVE, BASE_M, ENDINGS, FORMATS, ObjectGrasps, again, box_obj, graspmill, many, needs, one_above, read_grasps, refused, saved
 from programs import packaged
 
-# Where a hand is that comes from straight above, by hand.
+# Where a gripper is that comes from straight above, by hand.
 
 
-def test_acronyms_frame_is_the_base_of_the_hand_with_x_closing(tmp_path):
+def test_acronyms_frame_is_the_base_of_the_gripper_with_x_closing(tmp_path):
     path = saved(one_above(), tmp_path, "acronym")
     with pytest.importorskip("h5py").File(path) as file:
         told = file["grasps/transforms"][()]
@@ -19,7 +19,7 @@ def test_acronyms_frame_is_the_base_of_the_hand_with_x_closing(tmp_path):
     np.testing.assert_allclose(told, [[[0, 1, 0, 0.01], [1, 0, 0, 0.02], [0, 0, -1, 0.1422], [0, 0, 0, 1]]], atol=1e-12)
 
 
-def test_graspgens_frame_is_the_base_of_the_hand_with_x_closing(tmp_path):
+def test_graspgens_frame_is_the_base_of_the_gripper_with_x_closing(tmp_path):
     told = json.loads(saved(one_above(), tmp_path, "graspgen").read_text())
     assert told["object"] == {"file": "meshes/mug.obj", "scale": 0.001} and told["grasps"]["object_in_gripper"] == [True]
     want = [[[0, 1, 0, 0.01], [1, 0, 0, 0.02], [0, 0, -1, 0.1423], [0, 0, 0, 1]]]
@@ -27,7 +27,7 @@ def test_graspgens_frame_is_the_base_of_the_hand_with_x_closing(tmp_path):
     assert told["gripper"] == {"name": "franka_hand", "width": 0.08, "depth": BASE_M}
 
 
-def test_isaac_grasps_frame_is_the_base_of_the_hand_with_y_closing(tmp_path):
+def test_isaac_grasps_frame_is_the_base_of_the_gripper_with_y_closing(tmp_path):
     path = saved(one_above(), tmp_path, "isaac_grasp")
     told = pytest.importorskip("yaml").safe_load(path.read_text())
     grasp = told["grasps"]["grasp_0"]
@@ -121,13 +121,13 @@ def annotated(request, tmp_path_factory):
 
 def test_a_set_of_the_program_is_its_parquet(annotated):
     parquet = pytest.importorskip("pyarrow.parquet")
-    folder, hand = annotated
+    folder, gripper = annotated
     grasps, rows = ObjectGrasps.load(folder / "box.parquet"), parquet.read_table(folder / "box.parquet").to_pylist()
     info = json.loads((folder / "box.json").read_text())
     assert len(grasps) == len(rows) == 80 and grasps.info == info
     assert info["outcomes"]["held"] == grasps.held.sum() > 12
     assert (grasps.name, grasps.file, grasps.scale_m) == ("box", "box.obj", 1.0)
-    assert grasps.base_to_tips_m == pytest.approx({"franka_hand": 0.1123, "parallel_jaw_80": 0.09}[hand])
+    assert grasps.base_to_tips_m == pytest.approx({"franka_hand": 0.1123, "parallel_jaw_80": 0.09}[gripper])
     assert set(grasps.outcome) <= set(graspmill.OUTCOMES) and set(grasps.source) <= {"antipodal", "normal", "displaced"}
     np.testing.assert_array_equal(grasps.held, grasps.outcome == "held")
     number = {None: np.nan}
@@ -143,7 +143,7 @@ def test_a_set_of_the_program_is_its_parquet(annotated):
     for _, table_from_object in grasps.stable_poses:  # the box lies on the table
         corners = np.array([[x, y, z, 1] for x in (-0.02, 0.02) for y in (-0.03, 0.03) for z in (-0.025, 0.025)])
         assert abs((corners @ table_from_object.T)[:, 2].min()) < 1e-3
-    # A hand that holds the box touches its surface with both fingers, on its two sides of the closing direction.
+    # A gripper that holds the box touches its surface with both fingers, on its two sides of the closing direction.
     turned, origins_m = grasps.object_from_grasp[:, :3, :3], grasps.object_from_grasp[:, None, :3, 3]
     contacts = np.einsum("nji,nsj->nsi", turned, grasps.contacts_m - origins_m)
     assert (contacts[grasps.held, 0, 1] < contacts[grasps.held, 1, 1]).mean() > 0.95

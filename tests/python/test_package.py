@@ -79,7 +79,7 @@ def test_matrices_and_quaternions_are_the_same_poses(scene):
     assert np.allclose(np.abs(graspmill._arrays.quaternions(axes)), np.eye(4)[[3, 0, 1, 2]])
 
 
-def test_another_hand_and_other_settings_decide(scene):
+def test_another_gripper_and_other_settings_decide(scene):
     # It opens 50 mm, the box is 60 mm wide.
     assert graspmill.execute(scene, [DOWN], gripper="slim_jaw_50").names == ["approach_collision"]
     slippery = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), CENTRE, mass_kg=5.0, friction=0.1)])
@@ -338,7 +338,7 @@ def test_a_target_is_the_object_at_a_point_or_what_a_mask_shows(planner):
 
 
 @pytest.mark.parametrize("config", ["judge", "paper"])
-def test_limits_of_the_hands_way_are_kept(config):
+def test_limits_of_the_grippers_way_are_kept(config):
     planner = graspmill.Planner(config)
     scene, camera, depth = two_boxes()
     epsilon = {} if config == "judge" else {"explain": True}
@@ -420,7 +420,7 @@ def test_wrong_limits_are_refused(planner):
     refused("reach.high_m must be at least low_m", lambda: planner.plan(depth, camera, reach=((1, 1, 1), (0, 0, 0))))
 
 
-def test_a_stored_scene_keeps_its_hand_and_laws_when_a_setting_is_given(tmp_path):
+def test_a_stored_scene_keeps_its_gripper_and_laws_when_a_setting_is_given(tmp_path):
     settings = {"gripper": "franka_hand", "procedure.pregrasp_distance_m": 0.03, "physics.engine": "rapier"}
     dataset = graspmill.generate(tmp_path / "ds", attempts=60, shards=1, seed=3, settings=settings)
     stored = dataset[0]

@@ -122,12 +122,12 @@ def test_a_gripper_is_its_numbers():
 def test_a_gripper_of_numbers_does_what_the_built_in_one_does(tmp_path):
     box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075), mass_kg=0.05)
     scene = graspmill.Scene([box])
-    hand = graspmill.Gripper.load("wsg_50")
-    plans = [graspmill.Planner(gripper=gripper).plan_tsdf(scene.tsdf([graspmill.Camera.look_at((0.15, -0.2, 0.5))])) for gripper in ("wsg_50", hand)]
+    loaded = graspmill.Gripper.load("wsg_50")
+    plans = [graspmill.Planner(gripper=gripper).plan_tsdf(scene.tsdf([graspmill.Camera.look_at((0.15, -0.2, 0.5))])) for gripper in ("wsg_50", loaded)]
     assert len(plans[0]) and plans[0].answer["grasps"] == plans[1].answer["grasps"]
-    outcomes = [graspmill.execute(scene, plans[0].workspace_from_grasp, gripper=gripper) for gripper in ("wsg_50", hand)]
+    outcomes = [graspmill.execute(scene, plans[0].workspace_from_grasp, gripper=gripper) for gripper in ("wsg_50", loaded)]
     assert outcomes[0].held.any() and np.array_equal(outcomes[0].width_m, outcomes[1].width_m, equal_nan=True)
-    dataset = graspmill.generate(tmp_path / "ds", gripper=hand, shards=1, attempts=60, seed=3)
+    dataset = graspmill.generate(tmp_path / "ds", gripper=loaded, shards=1, attempts=60, seed=3)
     same = graspmill.generate(tmp_path / "same", settings={"gripper": "wsg_50"}, shards=1, attempts=60, seed=3)
     assert dataset.id == same.id
 

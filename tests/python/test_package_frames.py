@@ -292,8 +292,8 @@ def test_what_contradicts_itself_is_refused():
         refused(expected, call)
 
 
-HAND = graspmill.Gripper.load("franka_hand")
-FRANKA = graspmill.Planner(gripper=HAND)
+GRIPPER = graspmill.Gripper.load("franka_hand")
+FRANKA = graspmill.Planner(gripper=GRIPPER)
 
 
 def of_box(size_m, eye_m):
@@ -308,7 +308,7 @@ def between_fingers(depth, pose, grasp):
     points = points_of(depth) @ pose[:3, :3].T + pose[:3, 3]
     points = points[points[:, 2] > 0.058]
     x, y, z = ((points - grasp.workspace_from_grasp[:3, 3]) @ grasp.workspace_from_grasp[:3, :3]).T
-    along = y[(abs(x) < HAND.finger_width_m / 2) & (abs(y) < HAND.opening_m_max / 2) & (z < 0) & (z > -HAND.finger_length_m)]
+    along = y[(abs(x) < GRIPPER.finger_width_m / 2) & (abs(y) < GRIPPER.opening_m_max / 2) & (z < 0) & (z > -GRIPPER.finger_length_m)]
     return float(np.diff(np.percentile(along, [2, 98]))[0]) if len(along) >= 20 else 0.0
 
 
@@ -319,17 +319,17 @@ def test_a_width_is_measured_where_both_ends_are_seen():
     assert len(across) >= 3
     for grasp in across:
         assert grasp.width_m == pytest.approx(0.06, abs=3e-3) and grasp.width_seen_share > 0.4
-        assert grasp.width_m + 2 * 0.005 - 1e-6 <= grasp.opening_m <= HAND.opening_m_max
+        assert grasp.width_m + 2 * 0.005 - 1e-6 <= grasp.opening_m <= GRIPPER.opening_m_max
 
 
 def test_a_width_with_an_end_that_is_not_seen_is_not_told():
-    """The camera sees the near face alone, and hands close along its view."""
+    """The camera sees the near face alone, and grasps close along its view."""
     plan = of_box((0.06, 0.1, 0.08), (-0.3, 0.15, 0.11))
     along = [grasp for grasp in plan if abs(grasp.workspace_from_grasp[0, 1]) > 0.95]
     assert len(along) >= 5
     for grasp in along:
         assert grasp.width_m is None and grasp.width_seen_share < 0.6
-        assert grasp.opening_m == pytest.approx(HAND.opening_m_max)
+        assert grasp.opening_m == pytest.approx(GRIPPER.opening_m_max)
 
 
 def many(seed):
@@ -345,20 +345,20 @@ def many(seed):
     return scene, *seen_from((0.15 + 0.45 * np.cos(around), 0.15 + 0.45 * np.sin(around), 0.5), scene)
 
 
-def test_widths_are_never_narrower_than_what_is_seen_and_hands_open_wide_enough():
+def test_widths_are_never_narrower_than_what_is_seen_and_grippers_open_wide_enough():
     told, errors, opened = 0, [], []
     for seed in range(4):
         scene, depth, camera, pose = many(seed)
         plan = FRANKA.plan(depth, camera)
         best = plan[:12]
-        outcomes = graspmill.execute(scene, np.array([pose @ grasp.camera_from_grasp for grasp in best]), gripper=HAND)
+        outcomes = graspmill.execute(scene, np.array([pose @ grasp.camera_from_grasp for grasp in best]), gripper=GRIPPER)
         for grasp, held, width_m in zip(best, outcomes.held, outcomes.width_m):
             if grasp.width_m is not None:
                 told += 1
                 assert grasp.width_m > between_fingers(depth, plan.workspace_from_camera, grasp) - 0.005
                 errors += [abs(grasp.width_m - width_m)] if held else []
-            if held and grasp.opening_m < HAND.opening_m_max:
-                numbers = {name: value for name, value in vars(HAND).items() if not name.startswith("_")}
+            if held and grasp.opening_m < GRIPPER.opening_m_max:
+                numbers = {name: value for name, value in vars(GRIPPER).items() if not name.startswith("_")}
                 less = graspmill.Gripper(**{**numbers, "opening_m_max": grasp.opening_m})
                 opened.append(graspmill.execute(scene, (pose @ grasp.camera_from_grasp)[None], gripper=less).held[0])
     print(f"{told} told, median error {1e3 * np.median(errors):.1f} mm, {np.mean(opened):.3f} of {len(opened)} hold when opened so far")

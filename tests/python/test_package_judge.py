@@ -62,7 +62,7 @@ def test_a_judge_answers_as_the_native_one_and_goes_both_ways(name, gripper, sce
     assert all(torch.equal(tensor, again.state_dict()[key]) for key, tensor in judge.state_dict().items())
 
 
-def test_a_judge_of_a_dataset_is_trained_for_its_hands(scene, tmp_path):
+def test_a_judge_of_a_dataset_is_trained_for_its_grippers(scene, tmp_path):
     gripper = graspmill.Gripper.load("wsg_50")
     dataset = graspmill.generate(tmp_path / "ds", shards=1, attempts=120, gripper="wsg_50", seed=3)
     judge = gt.Judge(dataset)
@@ -82,11 +82,11 @@ def test_a_judge_of_a_dataset_is_trained_for_its_hands(scene, tmp_path):
     refused("the judge was trained for the gripper wsg_50", lambda: graspmill.Planner(model=tmp_path / "judge.safetensors", gripper="parallel_jaw_80"))
 
 
-def test_several_hands_are_a_range_of_each_number():
-    hands = [{"name": f"hand_{n}", "opening_m_max": 0.05 + 0.01 * n, "friction": 1.0} for n in range(3)]
-    info = {"gripper": hands[0], "grippers": hands, "procedure": {"pregrasp_distance_m": 0.05}, "grid": {"resolution": 40}}
+def test_several_grippers_are_a_range_of_each_number():
+    grippers = [{"name": f"gripper_{n}", "opening_m_max": 0.05 + 0.01 * n, "friction": 1.0} for n in range(3)]
+    info = {"gripper": grippers[0], "grippers": grippers, "procedure": {"pregrasp_distance_m": 0.05}, "grid": {"resolution": 40}}
     scope = graspmill._judge._scope(info, True)
-    assert scope["gripper"] == hands[0] and scope["hands"] == [[0.05, 0.07], [1.0, 1.0]]
+    assert scope["gripper"] == grippers[0] and scope["hands"] == [[0.05, 0.07], [1.0, 1.0]]
 
 
 def test_robustness_is_one_output_more(tmp_path):

@@ -23,7 +23,7 @@ def dataset(learned):
 
 
 def axis_of(rotation):
-    """The approach of a quaternion's hand."""
+    """The approach of a quaternion."""
     x, y, z, w = rotation
     return [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)]
 
@@ -133,7 +133,7 @@ def looked_up(tsdf, points_m):
     return np.where(share > 1e-3, 2 * total / np.maximum(share, 1e-9) - 1, 0), share
 
 
-def test_a_hands_crop_is_what_lies_at_its_points(dataset):
+def test_a_grasps_crop_is_what_lies_at_its_points(dataset):
     scene = dataset.scene(3)
     half = (0.088, 0.06, 0.06)
     # parallel_jaw_80: opening 80, fingers 50 x 20 x 10, palm 40 x 40 x 120 mm; 50 mm of approach, 20 beyond the tips.
@@ -154,7 +154,7 @@ def test_a_hands_crop_is_what_lies_at_its_points(dataset):
     assert np.allclose(lower.features[0, 3] - seen.features[0, 3], 0.3, atol=1e-5)
 
 
-def test_wrong_grids_of_hands_are_refused(dataset):
+def test_wrong_grids_of_grasps_are_refused(dataset):
     pose = dataset.scene(0).workspace_from_grasp[:1]
     for grid, match in (
         (np.full((40, 40, 40), -1.0), "between 0 and 1"),
@@ -189,7 +189,7 @@ def test_crops_are_what_the_trainers_judge_sees(dataset, tmp_path):
 
 
 @pytest.mark.parametrize("workers", [0, 2])
-def test_a_stream_of_hands_is_seeded_and_mirrored(dataset, workers):
+def test_a_stream_of_grasps_is_seeded_and_mirrored(dataset, workers):
     def epoch(shuffle):
         stream = gt.GraspCropStream(dataset, "train", batch=64, shuffle=shuffle)
         batches = list(torch.utils.data.DataLoader(stream, batch_size=None, num_workers=workers))
@@ -234,7 +234,7 @@ def test_the_head_by_closing_goes_both_ways(tmp_path):
     assert back.head == "closings" and back.origin_behind_tips_m == 0.05
     assert all(torch.equal(tensor, back.state_dict()[name]) for name, tensor in net.state_dict().items())
 
-    # The hand that it answers with: a rotation along its approach, with the best quality of all turns' peaks.
+    # The grasp that it answers with: a rotation along its approach, with the best quality of all turns' peaks.
     batch = next(iter(gt.GraspStream(dataset, "all", batch=16, shuffle=False)))
     with torch.no_grad():
         dense, (quality, rotation, width) = net.heads(batch["tsdf"]), net.at(batch)

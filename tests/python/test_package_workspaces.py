@@ -70,7 +70,7 @@ def test_a_judge_grasps_nothing_beyond_a_workspace_that_is_asked_for():
     near, share = held_near(scene, plan)
     assert near[0] > 5 and near[1:] == [0] * 4 and share > 0.8, (near, share)
     assert plan.workspace_from_grasp[:, :2, 3].max() < 0.3 + 0.001
-    # What stands there is seen all the same, because a hand may touch it.
+    # What stands there is seen all the same, because a gripper may touch it.
     assert min(plan.answer["region"]["high_m"][:2]) > 0.36
 
 
@@ -87,7 +87,7 @@ def test_a_judge_looks_as_far_as_robots_reach():
 
 @pytest.mark.parametrize("size_m", [None, 1.2])
 def test_a_scene_in_a_corner_is_planned_as_in_a_workspace_of_its_own(size_m):
-    """Shifted by whole voxels, hands about it hold as they do in the middle."""
+    """Shifted by whole voxels, grasps about it hold as they do in the middle."""
     places = ((0.10, 0.10), (0.20, 0.12), (0.12, 0.20))
     planner = graspmill.Planner()
     here, there = boxes(places=places), boxes((0.15, 0.15), places)

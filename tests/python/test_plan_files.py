@@ -7,7 +7,7 @@ import pytest
 from grasp_sets import ABOVE, graspmill, refused
 
 Plan = graspmill.Plan
-#: The flange of a Franka robot is turned by 45 degrees against its hand, and 112.3 mm behind the tips.
+#: The flange of a Franka robot is turned by 45 degrees against its gripper, and 112.3 mm behind the tips.
 FLANGE = {"position_m": [0.0, 0.0, 0.1123], "quaternion_xyzw": [0.0, 0.0, -np.sin(np.pi / 8), np.cos(np.pi / 8)]}
 HALF = np.sqrt(0.5)
 FLANGE_MATRIX = np.array([[HALF, HALF, 0, 0], [-HALF, HALF, 0, 0], [0, 0, 1, 0.1123], [0, 0, 0, 1.0]])
@@ -85,7 +85,7 @@ def loaded(path):
 # One grasp from straight above, by hand.
 
 
-def test_isaac_grasps_pose_is_the_base_of_the_hand(tmp_path):
+def test_isaac_grasps_pose_is_the_base_of_the_gripper(tmp_path):
     told = loaded(plan_of([row()]).save(tmp_path / "grasps.yaml", frame_id="table"))
     assert (told["format"], told["format_version"], told["object_frame"], told["gripper_frame"]) == ("isaac_grasp", 1.0, "table", "franka_hand")
     assert "object_file" not in told
@@ -95,7 +95,7 @@ def test_isaac_grasps_pose_is_the_base_of_the_hand(tmp_path):
     assert (grasp["cspace_position"], grasp["pregrasp_cspace_position"]) == ({"panda_finger_joint1": 0.025}, {"panda_finger_joint1": 0.033})
 
 
-def test_graspnets_row_is_20_mm_behind_the_tips_as_wide_as_the_hand_opens(tmp_path):
+def test_graspnets_row_is_20_mm_behind_the_tips_as_wide_as_the_gripper_opens(tmp_path):
     told = np.load(plan_of([row()]).save(tmp_path / "grasps.npy"))
     want = [0.9, 0.066, 0.02, 0.02, 0, 0, 1, 0, 1, 0, -1, 0, 0, 0.01, 0.02, 0.05, -1]
     np.testing.assert_allclose(told, [want], atol=1e-12)
@@ -120,7 +120,7 @@ def test_moveits_pose_is_that_of_the_flange(tmp_path):
     assert not grasp.keys() & {"post_place_retreat", "max_contact_force", "allowed_touch_objects"}
 
 
-def test_a_hand_from_the_side_goes_straight_up():
+def test_a_gripper_from_the_side_goes_straight_up():
     side = {"position_m": [0.0, 0.0, 0.1], "quaternion_xyzw": [0.0, HALF, 0.0, HALF]}  # approaches along +x
     flipped = {"position_m": [0.0, 0.0, 0.5], "quaternion_xyzw": [0.0, HALF, 0.0, HALF]}
     [grasp] = plan_of([row(side)]).moveit_grasps()
@@ -202,18 +202,18 @@ def test_small_numbers_stay_numbers_in_yaml(tmp_path):
         assert all(type(one) is float for one in grasp)
 
 
-# Other hands.
+# Other grippers.
 
 
-def test_joints_of_other_hands_are_named_by_the_caller():
-    plan = plan_of([row()], gripper="my_hand")
+def test_joints_of_other_grippers_are_named_by_the_caller():
+    plan = plan_of([row()], gripper="my_gripper")
     assert not plan.moveit_grasps()[0].keys() & {"pre_grasp_posture", "grasp_posture"}
     posture = plan.moveit_grasps(joints={"left": 0.5, "right": -0.5})[0]["grasp_posture"]
     assert posture == {"joint_names": ["left", "right"], "points": [{"positions": [0.025, -0.025]}]}
 
 
-def test_a_hand_without_a_flange_needs_the_distance_to_its_tips(tmp_path):
-    plan = plan_of([row()], gripper="my_hand", flange_from_grasp=None)
+def test_a_gripper_without_a_flange_needs_the_distance_to_its_tips(tmp_path):
+    plan = plan_of([row()], gripper="my_gripper", flange_from_grasp=None)
     refused("base_to_tips_m or a gripper with flange_from_grasp must be given", plan.moveit_grasps)
     refused("base_to_tips_m or gripper must be given", lambda: plan.save(tmp_path / "grasps.yaml"))
     refused("closing_axis goes with base_to_tips_m", lambda: plan.moveit_grasps(closing_axis="x", gripper="franka_hand"))

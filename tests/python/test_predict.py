@@ -66,7 +66,7 @@ def test_an_answer_has_what_the_contract_names(service, scene):
         assert w >= 0 and np.allclose(same, rotation, atol=1e-5) and np.isclose(np.linalg.det(rotation), 1)
         assert np.allclose(rotation @ config["approach_axis_local"], grasp["approach_axis"], atol=1e-5)
         assert grasp["gripper_width"] is None or 0 < grasp["gripper_width"] <= config["gripper_max_width"]
-        # The tips are at the object, which the hand comes to from the camera's side of the table.
+        # The tips are at the object, which the gripper comes to from the camera's side of the table.
         assert np.linalg.norm(scene[0] - grasp["translation"], axis=1).min() < 0.045
     assert config["approach_axis_local"] == [1, 0, 0] and config["jaw_axis_local"] == [0, 1, 0]
     assert config["fingertip_depth"] == config["tcp_offset"] == 0
@@ -120,7 +120,7 @@ def test_clouds_in_another_frame_need_gravity_and_the_camera(service, scene):
     assert status == 200 and answer["grasps"], answer
     for grasp in answer["grasps"]:
         assert np.linalg.norm(moved[0] - grasp["translation"], axis=1).min() < 0.045
-        # No hand comes from below the table.
+        # No gripper comes from below the table.
         assert np.dot(grasp["approach_axis"], down) > 0
 
 

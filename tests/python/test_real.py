@@ -52,14 +52,14 @@ class Capture:
         on_table_m = middle_m - self.plane[:3] * (self.plane[:3] @ middle_m + self.plane[3])
         return up @ self.plane[:3] > np.cos(np.radians(1.0)) and abs(up @ on_table_m + height_m) < 0.003
 
-    def judge(self, grasp, hand):
+    def judge(self, grasp, gripper):
         """Whether a grasp is clean, and both ends of what is seen between its fingers, from its middle."""
         x, y, z = (np.linalg.inv(grasp.camera_from_grasp) @ np.c_[self.points_m, np.ones(len(self.points_m))].T)[:3]
-        beside, half_m = abs(x) < hand.finger_width_m / 2, hand.opening_m_max / 2
-        in_fingers = beside & (abs(y) > half_m) & (abs(y) < half_m + hand.finger_thickness_m) & (z < 0) & (z > -hand.finger_length_m - WAY_M)
-        in_palm = (abs(x) < hand.palm_width_m / 2) & (abs(y) < hand.palm_breadth_m / 2) & (z < -hand.finger_length_m)
-        in_palm &= z > -hand.finger_length_m - hand.palm_length_m - WAY_M
-        held = beside & (abs(y) < half_m) & (z < 0) & (z > -hand.finger_length_m)
+        beside, half_m = abs(x) < gripper.finger_width_m / 2, gripper.opening_m_max / 2
+        in_fingers = beside & (abs(y) > half_m) & (abs(y) < half_m + gripper.finger_thickness_m) & (z < 0) & (z > -gripper.finger_length_m - WAY_M)
+        in_palm = (abs(x) < gripper.palm_width_m / 2) & (abs(y) < gripper.palm_breadth_m / 2) & (z < -gripper.finger_length_m)
+        in_palm &= z > -gripper.finger_length_m - gripper.palm_length_m - WAY_M
+        held = beside & (abs(y) < half_m) & (z < 0) & (z > -gripper.finger_length_m)
         objects = np.unique(self.labels[held & (self.labels >= 2)])
         is_clean = (in_fingers | in_palm).sum() <= NOISE_PX and held.sum() >= HELD_PX and len(objects) <= 1
         low_m, high_m = np.percentile(y[held], [2, 98]) if held.sum() >= HELD_PX else (0.0, 0.0)
@@ -68,15 +68,15 @@ class Capture:
 
 def test_the_best_grasps_of_real_captures_are_clean():
     captures = [Capture(row) for row in json.loads((Path(FOLDER) / "captures.json").read_text())]
-    hand = graspmill.Gripper.load("franka_hand")
-    planner = graspmill.Planner(gripper=hand)
+    gripper = graspmill.Gripper.load("franka_hand")
+    planner = graspmill.Planner(gripper=gripper)
     tables, offered, widths, off_rim_m, wrong = 0, [], [], [], []
     for capture in captures:
         plan = planner.plan(capture.depth_m, capture.camera)
         tables += capture.has_table(plan)
         wrong += [f"{capture.name}: {said}" for said in plan.warnings if not said.startswith(RIGHT)]
         for rank, grasp in enumerate(plan[:BEST], 1):
-            is_clean, (low_m, high_m) = capture.judge(grasp, hand)
+            is_clean, (low_m, high_m) = capture.judge(grasp, gripper)
             offered.append((is_clean, f"{capture.name} {rank}"))
             widths.append((grasp.width_m, high_m - low_m, f"{capture.name} {rank}"))
             if capture.name in HOLLOW and 0 < high_m - low_m < RIM_M:

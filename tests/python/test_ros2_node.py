@@ -253,9 +253,9 @@ def test_grasps_outside_the_region_are_passed_over():
     refused("the plan's grasps must have camera_from_grasp", lambda: planning.ranked(answer({"quality": 1}), settings))
 
 
-def test_a_fork_has_its_tips_as_far_apart_as_the_hand_opens():
+def test_a_fork_has_its_tips_as_far_apart_as_the_gripper_opens():
     [one] = planning.ranked(answer(row()), planning.Settings())
-    lines = planning.fork(one)  # the hand is turned by a half turn about x: z down, y back
+    lines = planning.fork(one)  # the gripper is turned by a half turn about x: z down, y back
     np.testing.assert_allclose(lines[:2, 0], [[0.1, 0.233, 0.5], [0.1, 0.167, 0.5]], atol=1e-12)
     np.testing.assert_allclose(lines[3], [[0.1, 0.2, 0.54], [0.1, 0.2, 0.58]], atol=1e-12)
 

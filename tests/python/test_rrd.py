@@ -160,7 +160,7 @@ def test_a_plan_without_grasps_is_a_recording_too(tmp_path):
     assert "/notes" in planned(tmp_path, made_up_plan() | {"grasps": [], "objects": [], "dropped": [], "reason": "nothing was seen"}, 0)
 
 
-def test_the_hand_is_the_plans(tmp_path):
+def test_the_gripper_is_the_plans(tmp_path):
     boxes = planned(tmp_path, made_up_plan() | {"gripper": "slim_jaw_50"})["/workspace/grasps/001/hand"]
     assert boxes["Boxes3D:centers"][0][0] == pytest.approx([0, -0.0275, -0.035])
     assert boxes["Boxes3D:half_sizes"][0][0] == pytest.approx([0.005, 0.0025, 0.035])

@@ -104,25 +104,25 @@ def test_mujoco_loads_a_scene_without_a_warning_and_it_rests(stored, exported):
     check_at_rest("mujoco", moved_mm)
 
 
-def test_mujoco_closes_the_hand(exported):
+def test_mujoco_closes_the_gripper(exported):
     mujoco = pytest.importorskip("mujoco")
     folder = exported("mjcf")[0]
-    hand = described(folder)["hand"]
+    gripper = described(folder)["hand"]
     model = mujoco.MjModel.from_xml_path(str(folder / "hand.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
 
     def opening_m():
         left, right = (data.geom_xpos[model.geom(name).id][1] for name in ("left_finger", "right_finger"))
-        return right - left - hand["finger_thickness_m"]
+        return right - left - gripper["finger_thickness_m"]
 
-    assert opening_m() == pytest.approx(hand["opening_m_max"])
-    data.ctrl[:] = hand["closing_speed_m_s"]
+    assert opening_m() == pytest.approx(gripper["opening_m_max"])
+    data.ctrl[:] = gripper["closing_speed_m_s"]
     while data.time < 0.5:
         mujoco.mj_step(model, data)
-    closed_m = hand["opening_m_max"] - 2 * 0.5 * hand["closing_speed_m_s"]
+    closed_m = gripper["opening_m_max"] - 2 * 0.5 * gripper["closing_speed_m_s"]
     assert opening_m() == pytest.approx(max(closed_m, 0.0), abs=2e-3) and not any(w.number for w in data.warning)
-    assert data.geom_xpos[model.geom("palm").id][2] == pytest.approx(-hand["finger_length_m"] - hand["palm_length_m"] / 2)
+    assert data.geom_xpos[model.geom("palm").id][2] == pytest.approx(-gripper["finger_length_m"] - gripper["palm_length_m"] / 2)
 
 
 def test_pybullet_loads_every_body_and_the_scene_rests(exported):
@@ -151,8 +151,8 @@ def test_pybullet_loads_every_body_and_the_scene_rests(exported):
 
             before = after(0.0)
             moved_mm += list(1e3 * np.linalg.norm(after(1.0) - before, axis=1))
-            hand = pybullet.loadURDF(str(folder / "hand.urdf"), [0, 0, 1], flags=flags)
-            kinds = [pybullet.getJointInfo(hand, joint) for joint in range(pybullet.getNumJoints(hand))]
+            gripper = pybullet.loadURDF(str(folder / "hand.urdf"), [0, 0, 1], flags=flags)
+            kinds = [pybullet.getJointInfo(gripper, joint) for joint in range(pybullet.getNumJoints(gripper))]
             assert [kind[2] for kind in kinds] == [pybullet.JOINT_PRISMATIC] * 2
             assert [kind[9] for kind in kinds] == pytest.approx([found["hand"]["opening_m_max"] / 2] * 2)
         finally:
