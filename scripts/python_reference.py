@@ -1,12 +1,7 @@
 #!/usr/bin/env python3
-"""Prints docs/reference/python.md: what the docstrings of the installed package say.
+"""Prints a page of the reference, what the docstrings of the installed package say; scripts/reference.sh writes all pages."""
 
-    python scripts/python_reference.py > docs/reference/python.md
-
-Needs PyTorch for graspmill.torch. tests/python/test_reference.py fails if the page is out of date.
-"""
-
-import importlib
+import importlib.util
 import inspect
 import re
 
@@ -60,10 +55,12 @@ def members(value: type) -> list[str]:
     return blocks
 
 
-def page(module_name: str, names: list[str]) -> str:
+def page(module_name: str) -> str:
+    if module_name == "graspmill.torch" and importlib.util.find_spec("torch") is None:
+        return f"## {module_name}\n\nLeft out: PyTorch was missing where this page was made."
     module = importlib.import_module(module_name)
     blocks = [f"## {module_name}"]
-    for name in names:
+    for name in module.__all__:
         value = getattr(module, name)
         if inspect.isclass(value):
             is_error = issubclass(value, Exception)
@@ -78,12 +75,5 @@ def page(module_name: str, names: list[str]) -> str:
     return "\n\n".join(blocks)
 
 
-def main() -> None:
-    package = importlib.import_module("graspmill")
-    parts = ["graspmill.descriptions", "graspmill.torch"]
-    pages = [page(name, importlib.import_module(name).__all__) for name in parts]
-    print("\n\n".join([HEAD.strip(), page("graspmill", package.__all__), *pages]))
-
-
 if __name__ == "__main__":
-    main()
+    print("\n\n".join([HEAD.strip(), *map(page, ("graspmill", "graspmill.descriptions", "graspmill.torch"))]))

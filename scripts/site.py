@@ -6,6 +6,7 @@ what it made.
 
 A link to a setting, a program or a folder leads to a page with its text or its list of files, because the site has no
 other copy of the repository to point to. A notebook becomes a page with its code, what that printed and its pictures.
+A link to docs/reference/README.md#settings leads to docs/reference/settings.md if STAGE has that page already.
 Exit code: 0; 1 with the faults on standard error; 2 for other arguments.
 """
 
@@ -54,6 +55,7 @@ def notebook(source: Path, to: Path) -> str:
 
 def stage(root: Path, out: Path) -> None:
     """Copies the first pages, and everything that these and other copied pages link to."""
+    made = {root / path.relative_to(out) for path in out.rglob("*.md")}
     todo = sorted({path for pattern in FIRST for path in root.glob(pattern)})
     done = set(todo)
 
@@ -74,9 +76,11 @@ def stage(root: Path, out: Path) -> None:
     def relinked(page: Path, link: str) -> str:
         """A link to the page made for its target. One that leads out of the repository or nowhere stays for `check`."""
         parts = urlsplit(link)
-        target = Path(os.path.normpath(page.parent / unquote(parts.path)))
-        if parts.scheme or not parts.path or not target.is_relative_to(root) or not target.exists():
+        target = Path(os.path.normpath(page.parent / unquote(parts.path))) if parts.path else page
+        if parts.scheme or not target.is_relative_to(root) or not target.exists():
             return link
+        if target.name == "README.md" and (instead := target.parent / f"{parts.fragment}.md") in made:
+            return os.path.relpath(instead, page.parent)
         path = os.path.relpath(root / staged(target), page.parent)
         return f"{path}#{parts.fragment}" if parts.fragment else path
 

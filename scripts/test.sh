@@ -1,17 +1,16 @@
 #!/usr/bin/env bash
 # All checks that a change must pass. Usage: scripts/test.sh [--quick|--rust-only|--no-torch|--long]
 #
-# --quick: format, house rules, reference pages, locks, subjects of the last commits; under a minute where the programs are built.
-# Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only.
-# Python packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the tests that
-# need it; scripts/site.sh, which is a step, has a venv of its own. --long: also the long versions of the Python
-# tests, those marked `long`: ten times as many faults, attacks and hostile datasets, an hour more; the fuzz targets
-# compile; and the training step is compared with Burn's. As root on Debian or Ubuntu, Slurm, strace, faketime,
-# Chromium, zsh and fish are installed, too; elsewhere the tests that need them are skipped with a message, and so is
-# that of real captures where GRASPMILL_REAL names none (by default ../shared/real, if that exists). With
-# GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every step runs even if an earlier one failed, unless it depends
-# on it. The table at the end lists the results and times. Exit code: 0 if all passed, 1 if a step failed, 2 if the
-# arguments are wrong.
+# --quick: format, house rules, locks, subjects of the last commits, and that all compiles; under a minute where the
+# programs are built. Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless
+# --rust-only. Python packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the
+# tests that need it; scripts/site.sh, which is a step, has a venv of its own. --long: also the long versions of the
+# Python tests, those marked `long`: ten times as many faults, attacks and hostile datasets, an hour more; the fuzz
+# targets compile; the training step is compared with Burn's. As root on Debian or Ubuntu, Slurm, strace, faketime,
+# Chromium, zsh and fish are installed, too; elsewhere the tests that need them are skipped with a message, and so is that of real captures where GRASPMILL_REAL
+# names none (by default ../shared/real, if that exists). With GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every
+# step runs even if an earlier one failed, unless it depends on it. The table at the end lists the results and times.
+# Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -99,16 +98,6 @@ fuzz() {
 # Both lock files have what their Cargo.toml files ask for.
 locks() {
     cargo metadata --locked --format-version 1 >/dev/null && cargo metadata --locked --format-version 1 --manifest-path fuzz/Cargo.toml >/dev/null
-}
-
-# The pages of docs/reference are what the program says.
-reference() {
-    local page result=0
-    for page in commands settings tables; do
-        "${CARGO_TARGET_DIR:-target}/debug/graspmill" manual markdown "$page" | diff -q - "docs/reference/$page.md" >/dev/null \
-            || { echo "docs/reference/$page.md is out of date: run scripts/reference.sh"; result=1; }
-    done
-    return $result
 }
 
 # Of commits that may still be amended; a subject on main is there for ever.
@@ -218,17 +207,13 @@ if [[ $quick == yes ]]; then
     step house '' cargo test --quiet --package workspace-tests
     step subjects '' subjects
     step build '' cargo build --quiet --workspace --bins --tests # as below, so that nothing is built twice
-    step reference build reference
 else
-    if [[ $rust_only == no ]]; then
-        beside venv prepared
-        beside site scripts/site.sh "$scratch/site"
-    fi
+    [[ $rust_only == yes ]] || beside venv prepared
     step fmt '' cargo fmt --all --check
     # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds
     # them. (`cargo run -p generator` alone would select other features of shared dependencies and build them again.)
     step build '' cargo build --workspace --bins --tests
-    [[ $rust_only == yes ]] || joined venv site
+    [[ $rust_only == yes ]] || joined venv
     GRASPMILL_MISSING=$(lacking)
     export GRASPMILL_MISSING
     [[ $long == no ]] || beside fuzz fuzz # a third of the tests' time goes to waiting
@@ -243,7 +228,9 @@ else
     if [[ $rust_only == no ]]; then
         step dataset build dataset
         step wheel 'build venv' wheel
+        beside site env PYTHON=.venv/bin/python scripts/site.sh "$scratch/site"
         step readers 'venv dataset wheel' readers
+        joined site
     fi
 fi
 

@@ -1,6 +1,6 @@
 //! Replays to look at: attempts of a scene, and grasps of an object alone, executed again.
 
-use generator::recorder::{self, PARTS, Recording, describe_end};
+use generator::recorder::{self, BOX_NAMES, Recording, describe_end};
 use generator::{AttemptId, GraspReplay, Replay};
 use program::Failure;
 use report::view::{Body, Class, Event, EventKind, Frame, Line, View, flat, flat_points};
@@ -110,10 +110,10 @@ fn add(view: &mut View, recording: &Recording, gripper: &Gripper, grasp: &Pose) 
     }));
     for (part, gripper_box) in gripper.open_gripper().iter().enumerate() {
         let poses = poses(recording, |frame| frame.gripper[part % 3]);
-        view.bodies.push(Body { poses, ..Body::of_box(Class::Gripper, PARTS[part], gripper_box, &[]) });
+        view.bodies.push(Body { poses, ..Body::of_box(Class::Gripper, BOX_NAMES[part], gripper_box, &[]) });
     }
     let Some(blocked) = &recording.blocked else { return };
-    for (part, gripper_box) in PARTS.into_iter().zip(&blocked.boxes) {
+    for (part, gripper_box) in BOX_NAMES.into_iter().zip(&blocked.boxes) {
         let label = format!("{part} on its way, with {:.1} mm around it", gripper.clearance_m * 1000.0);
         view.bodies.push(Body::of_box(Class::Swept, label, gripper_box, &[*grasp]));
     }

@@ -224,7 +224,7 @@ class Dataset:
         return (self.scene(number) for number in range(self.scene_count))
 
     def attempts(self, shards: range | None = None) -> Table:
-        """The table of attempts (``docs/reference/tables.md``) of some shards, or of all."""
+        """The table of attempts (``graspmill manual markdown tables``) of some shards, or of all."""
         return self._table("attempts", shards, False)
 
     def objects(self, shards: range | None = None) -> Table:

@@ -33,7 +33,7 @@ OFF_M = 0.002
 DENSITY_KG_M3 = 500.0
 #: Truncation of a TSDF, in voxels, as in the shipped configs.
 TRUNCATION_VOXELS = 4.0
-_SETTINGS_HELP = "docs/reference/settings.md lists the keys"
+_SETTINGS_HELP = "`graspmill manual markdown settings` lists the keys"
 
 
 _Self = TypeVar("_Self")

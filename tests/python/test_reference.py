@@ -1,4 +1,4 @@
-"""docs/reference equals the program's output; shells and man can read completions and man pages."""
+"""The reference names what the program and the package have; shells and man can read completions and man pages."""
 
 import re
 import shutil
@@ -14,10 +14,9 @@ def output_of(*words: object) -> str:
     return ran(*words).stdout
 
 
-@pytest.mark.parametrize("name", ["commands", "settings", "tables"])
-def test_the_reference_is_up_to_date(name: str) -> None:
-    page = ROOT / "docs/reference" / f"{name}.md"
-    assert page.read_text() == output_of(program("graspmill"), "manual", "markdown", name), "run scripts/reference.sh"
+def test_every_table_is_in_the_reference() -> None:
+    text = output_of(program("graspmill"), "manual", "markdown", "tables")
+    assert re.findall("^## (.*)", text, re.MULTILINE) == ["attempts", "scenes", "objects"] and text.count("\n| `") > 50
 
 
 def keys_of(value: object, prefix: str = "") -> set[str]:
@@ -31,7 +30,7 @@ def keys_of(value: object, prefix: str = "") -> set[str]:
 
 @pytest.mark.parametrize("folder", ["generate", "grippers", "train", "plan", "experiment"])
 def test_every_key_of_the_shipped_settings_is_in_the_reference(folder: str) -> None:
-    parts = (ROOT / "docs/reference/settings.md").read_text().split("\n## ")
+    parts = output_of(program("graspmill"), "manual", "markdown", "settings").split("\n## ")
     text = "".join(part for part in parts if part.startswith(f"configs/{folder}/"))
     assert text, folder
     for path in sorted((ROOT / "configs" / folder).glob("*.toml")):
@@ -39,11 +38,10 @@ def test_every_key_of_the_shipped_settings_is_in_the_reference(folder: str) -> N
         assert not missing, path.name
 
 
-def test_the_page_of_the_python_package_is_up_to_date() -> None:
-    for module in ("graspmill", "torch"):
-        pytest.importorskip(module)
-    script = ROOT / "scripts/python_reference.py"
-    assert (ROOT / "docs/reference/python.md").read_text() == output_of(sys.executable, str(script)), f"run {script}"
+def test_the_page_of_the_python_package_has_every_name() -> None:
+    names = pytest.importorskip("graspmill").__all__
+    text = output_of(sys.executable, ROOT / "scripts/python_reference.py")
+    assert not [name for name in names if f"\n### {name}\n\n`" not in text]
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -67,9 +65,11 @@ def test_bash_completes_a_command_and_a_flag(tmp_path: Path) -> None:
     assert output_of("bash", "-c", ask).split() == ["report", "replay", "repeat", "--html"]
 
 
-def test_man_pages_are_there_for_every_command(tmp_path: Path) -> None:
+def test_man_pages_and_the_reference_have_every_command(tmp_path: Path) -> None:
     output_of(program("graspmill"), "manual", "man", str(tmp_path))
     pages = {page.name for page in tmp_path.iterdir()}
+    headings = re.findall("^## (.*)", output_of(program("graspmill"), "manual", "markdown", "commands"), re.MULTILINE)
+    assert pages == {f"{heading.replace(' ', '-')}.1" for heading in headings}
     assert pages >= {"graspmill.1", "graspmill-generate.1", "graspmill-dataset-report.1", "graspmill-plan.1", "graspmill-experiment-run.1"}
     for words in ([], ["dataset"], ["experiment"], ["objects"]):
         listed = re.search(r"Commands:\n((?:  .*\n)+)", output_of(program("graspmill"), *words, "--help"))[1]

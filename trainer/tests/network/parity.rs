@@ -83,7 +83,7 @@ fn the_dense_forward_is_pytorchs() {
     for mode in Upsampling::ALL {
         let (golden, network) = (Golden::read(mode), DenseNetwork::new(&parameters(), mode, Head::Quaternion));
         let outputs: Vec<_> = (0..GRIDS).map(|number| network.infer(&grid(number))).collect();
-        let quality = outputs.iter().flat_map(|o| &o.quality_logit).map(|logit| 1.0 / (1.0 + (-logit).exp()));
+        let quality = outputs.iter().flat_map(|o| &o.quality_logit).map(|logit| 1.0 / (1.0 + libm::expf(-logit)));
         let all = |of: fn(&DenseGrids) -> &Vec<f32>| outputs.iter().flat_map(of).copied().collect::<Vec<f32>>();
         let error = golden
             .check("forward.quality", &quality.collect::<Vec<f32>>(), 400)
