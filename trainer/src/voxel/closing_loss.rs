@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn the_histogram_of_the_targets_turn_costs_least() {
-        let rotation = network::head::gripper_of(-Vec3::Z, 0.7);
+        let rotation = network::head::grasp_rotation(-Vec3::Z, 0.7);
         let target = Target { label: 1, rotation, width_voxels: 5.0, tips_voxels: [0.0; 3], quality_weight: 1.0 };
         let head = ClosingsHead {
             quality: [0.0; 3],
