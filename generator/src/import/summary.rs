@@ -21,7 +21,7 @@ const DECIMALS: usize = 7;
 /// An imported mesh.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImportedObject {
-    /// Its name: the file's without its extension, or a folder's, in lower case.
+    /// Its name: the file's without its extension, or a folder's.
     pub name: String,
     /// The file.
     pub file: PathBuf,
@@ -135,12 +135,12 @@ pub(super) fn scene_warnings(object: &ImportedObject, config: &Config, measured:
 
 /// The object as a catalogue entry. Corners are relative to the centre of the mesh's bounding box.
 pub(super) fn catalogue_text(object: &ImportedObject, parts: &ConvexParts) -> String {
-    let name_of_file = object.file.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let state = match object.parts_volume_share {
         Some(share) => format!("parts with {:.1} % of its volume", 100.0 * share),
         None => "not watertight".to_owned(),
     };
-    let source = format!("{name_of_file}, {} m a unit; {} triangles; {state}", object.scale_m, object.triangles);
+    let file = object.file.display();
+    let source = format!("{file}, {} m a unit; {} triangles; {state}", object.scale_m, object.triangles);
     let parts = parts.hulls.iter().map(Polyhedron::corners_m);
     object_text(&object.name, object.mass_kg, object.friction, source, parts, DECIMALS)
 }

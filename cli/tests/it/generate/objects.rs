@@ -115,7 +115,7 @@ fn meshes_are_measured_and_become_a_catalogue() {
         let got = got.as_f64().unwrap();
         assert!((got / expected - 1.0).abs() < 1e-6, "{got} instead of {expected}");
     };
-    let cube = object("cube");
+    let cube = object("Cube");
     assert_eq!((&cube["triangles"], &cube["is_watertight"], &cube["parts"]), (&12.into(), &true.into(), &1.into()));
     near(&cube["volume_m3"], 0.04_f64.powi(3));
     near(&cube["mass_kg"], 0.064);
@@ -131,13 +131,13 @@ fn meshes_are_measured_and_become_a_catalogue() {
     assert!((ell["parts_volume_share"].as_f64().unwrap() - 1.0).abs() < 0.05, "{ell}");
     near(&object("wedge_piece")["volume_m3"], 0.5 * 0.05 * 0.035 * 0.06);
     assert_eq!(object("wedge_piece")["parts"], 1);
-    for name in ["cube", "ell", "wedge_piece"] {
+    for name in ["Cube", "ell", "wedge_piece"] {
         assert_eq!(object(name)["warnings"], Value::Array(Vec::new()), "{name}");
     }
 
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
     let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
-    assert_eq!(catalogue.names(), ["cube", "ell", "wedge_piece"]);
+    assert_eq!(catalogue.names(), ["Cube", "ell", "wedge_piece"]);
     // The same again, without overwriting a user's changes.
     check_ok(&import(&dir, &["--density", "1000"]));
     check_fails(&import(&dir, &["--mass", "0.2"]), 78, &["--force replaces it", "my-objects.toml"]);
@@ -194,7 +194,7 @@ fn files_that_are_no_meshes_are_told_together() {
     assert_eq!((count("objects"), count("left_out")), (4, 4), "{told}");
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
     let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
-    assert_eq!(catalogue.names(), ["cube", "ell", "open", "wedge_piece"]);
+    assert_eq!(catalogue.names(), ["Cube", "ell", "open", "wedge_piece"]);
     // The mass of an open mesh is that of its hull, here of the whole cube.
     let open = told["objects"].as_array().unwrap().iter().find(|object| object["name"] == "open").unwrap();
     assert!((open["mass_kg"].as_f64().unwrap() - 400.0 * 0.04_f64.powi(3)).abs() < 1e-6, "{open}");
@@ -342,6 +342,15 @@ fn folders_within_folders_name_what_files_do_not() {
     let text = fs::read_to_string(dir.path().join("x.toml")).unwrap();
     assert!(text.contains("name = \"002_can\"\nmass_kg = 0.0256\nfriction = 0.8\n"), "{text}");
     assert!(text.contains("name = \"025_mug\"\nmass_kg = 0.3\nfriction = 0.4\n"), "{text}");
+    // The files of a shell's pattern have the same names, and the catalogue says which is which.
+    let listed = ["ycb/025_mug/google_16k/textured.obj", "ycb/002_can/google_16k/textured.obj"];
+    let one_by_one = ["objects", "import", "--scale", "0.001", "--drops", "0", "--out", "listed.toml"];
+    check_ok(&program(&dir, &[&one_by_one[..], &listed].concat()));
+    let text = fs::read_to_string(dir.path().join("listed.toml")).unwrap();
+    for (name, file) in [("025_mug", listed[0]), ("002_can", listed[1])] {
+        let entry = text.split("[[object]]").find(|entry| entry.contains(&format!("name = \"{name}\""))).unwrap();
+        assert!(entry.contains(&format!("source = \"{file}, 0.001 m a unit")), "{entry}");
+    }
     fs::write(dir.path().join("each.toml"), "[cup]\nscale = 0.0\n").unwrap();
     check_fails(
         &import(&["--each", "each.toml"]),
@@ -382,7 +391,7 @@ fn a_dataset_of_own_objects_is_made_verified_and_repeated_from_itself_alone() {
     assert!(!images.is_empty() && images.iter().all(|image| image.depth_m.iter().any(|depth_m| *depth_m > 0.3)));
     assert_eq!(info.format_version, 2);
     let names: Vec<&str> = info.models.iter().map(|model| model.name.as_str()).collect();
-    assert_eq!(names, ["cube", "ell", "wedge_piece"]);
+    assert_eq!(names, ["Cube", "ell", "wedge_piece"]);
     let mut seen = [0; 3];
     for shard in 0..3 {
         for rows in dataset.rows(shard, false).unwrap().map(Result::unwrap) {
@@ -448,7 +457,7 @@ fn what_does_not_rest_is_left_out_or_named_and_too_much_of_it_refused() {
     assert!(hasty.contains("0.35") && hasty.contains("1800"));
     fs::write(dir.path().join("config.toml"), &hasty).unwrap();
     let refused = run(&dir, "refused", &[]);
-    let moved_on = ["were thrown away, more than --rejected-max 0.1", "moved on", "cube ", "ell ", "--rests-min"];
+    let moved_on = ["were thrown away, more than --rejected-max 0.1", "moved on", "Cube ", "ell ", "--rests-min"];
     check_fails(&refused, 78, &moved_on);
     assert!(!dir.path().join("refused/_SUCCESS").exists());
     check_ok(&run(&dir, "allowed", &["--rejected-max", "1"]));
