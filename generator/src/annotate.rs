@@ -251,7 +251,7 @@ impl<'a> Bench<'a> {
     }
 
     fn set(&self, grasps: Vec<ObjectGrasp>) -> ObjectGrasps {
-        let Annotated { object, file, scale_m, origin_m, warnings } = self.annotated;
+        let Annotated { object, file, scale_m, origin_m, warnings, .. } = self.annotated;
         let given = |stable: &StablePose| {
             let translation = stable.table_from_object.translation - stable.table_from_object.rotation * *origin_m;
             let table_from_object = Pose::from_parts(translation, stable.table_from_object.rotation);
@@ -304,6 +304,7 @@ mod tests {
         Annotated {
             object,
             file: "a test".to_owned(),
+            file_sha256: None,
             scale_m: 1.0,
             origin_m: Vec3::new(0.5, -1.0, 2.0),
             warnings: Vec::new(),

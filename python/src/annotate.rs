@@ -66,8 +66,10 @@ impl Annotation {
         let work = Apart::start(threads, move |_, counts| {
             let annotated = match (body, file) {
                 (Some((body, mass_kg, friction)), _) => {
-                    let object = CatalogueObject { body, mass_kg, friction, origin_m: Vec3::ZERO };
-                    Annotated { object, file: String::new(), scale_m: 1.0, origin_m: Vec3::ZERO, warnings: Vec::new() }
+                    let origin_m = Vec3::ZERO;
+                    let object = CatalogueObject { body, mass_kg, friction, origin_m };
+                    let (file, warnings) = (String::new(), Vec::new());
+                    Annotated { object, file, file_sha256: None, scale_m: 1.0, origin_m, warnings }
                 }
                 (None, file) => of_file(file)?,
             };

@@ -1,13 +1,15 @@
 //! `graspmill objects annotate`: labelled grasps of objects alone, with a table of the results.
 
-use std::io::ErrorKind;
+use std::collections::BTreeSet;
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use clap::{Args, value_parser};
 use generator::{AnnotateParams, Annotated, GraspShares, LeftOut, annotate, relabel};
 use indicatif::ProgressBar;
 use inspect::{GivenGrasps, grasp_sets, grasps_info, grasps_table};
+use network::checkpoint::digest;
 use program::text::percent;
 use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
 use report::document::{Block, Cell, Document, Table};
@@ -20,8 +22,8 @@ use crate::parse::{between, one_of, others_do};
 use crate::planning::gripper::named;
 use crate::progress::style;
 
-/// The largest `NAME.json` that is read.
-const INFO_BYTES_MAX: u64 = 1 << 24;
+/// The largest `NAME.json` and `NAME.parquet` that are read.
+const BYTES_MAX: [u64; 2] = [1 << 24, 1 << 30];
 
 /// Label grasps of objects that float: drawn over their whole surface, executed, and, if asked, measured
 #[derive(Debug, Args)]
@@ -154,14 +156,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         return Err(Failure::new(ExitCode::Config, text));
     }
     let _lock = FolderLock::take(&arguments.out)?;
+    // All are asked for before the first is made: a refusal must not come after hours.
+    let plan = |object: &Annotated| -> Result<_, Failure> {
+        let settings = settings(object, &params, given.as_ref());
+        Ok((earlier(&arguments.out, object.object.body.name(), &settings)?, settings))
+    };
+    let planned = objects.iter().map(plan).collect::<Result<Vec<_>, _>>()?;
     let bar = ProgressBar::new((objects.len() * params.grasps) as u64).with_style(style("grasps"));
     let mut infos = Vec::new();
-    for (number, object) in objects.iter().enumerate() {
+    for (number, (object, (done, settings))) in objects.iter().zip(planned).enumerate() {
         let begun = (number * params.grasps) as u64;
         bar.set_position(begun);
         bar.set_message(object.object.body.name().to_owned());
-        let on_grasps = |made: usize| bar.set_position(begun + made as u64);
-        let Some(info) = one(object, &params, given.as_ref(), arguments, &stop, &on_grasps)? else {
+        let mut go_on = |made: usize| {
+            bar.set_position(begun + made as u64);
+            !stop.load(Ordering::Relaxed)
+        };
+        let info = match done {
+            Some(done) => Some(done),
+            None => made(object, &params, given.as_ref(), settings, &arguments.out, &mut go_on)?,
+        };
+        let Some(info) = info else {
             bar.finish_and_clear();
             print_error(&format!("stopped: {number} of {} objects are complete; run again to go on", objects.len()));
             return Ok(ExitCode::TryAgain);
@@ -179,50 +194,41 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(code)
 }
 
-/// Annotates an object and writes its files, unless an earlier run did; what its `NAME.json` says, or nothing if a
-/// signal came.
-fn one(
+/// Annotates an object and writes its files; what its `NAME.json` says, or nothing if a signal came.
+fn made(
     object: &Annotated,
     params: &AnnotateParams,
     given: Option<&GivenGrasps>,
-    arguments: &Arguments,
-    stop: &AtomicBool,
-    on_grasps: &dyn Fn(usize),
+    settings: Value,
+    out: &Path,
+    go_on: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Option<Value>, Failure> {
-    let name = object.object.body.name();
-    let path = |ending: &str| arguments.out.join(format!("{name}{ending}"));
-    let settings = settings(object, params, given)?;
-    let digest = network::checkpoint::digest(settings.to_string().as_bytes());
-    let done = earlier(&path(".json"), &digest)?;
-    if let Some(done) = done.filter(|_| path(".parquet").exists()) {
-        return Ok(Some(done));
-    }
-    let mut go_on = |made: usize| {
-        on_grasps(made);
-        !stop.load(Ordering::Relaxed)
-    };
     let set = match given {
-        Some(given) => relabel(object, params, &given.object_from_grasps, &mut go_on),
-        None => annotate(object, params, &mut go_on),
+        Some(given) => relabel(object, params, &given.object_from_grasps, go_on),
+        None => annotate(object, params, go_on),
     };
     let Some(set) = set else { return Ok(None) };
-    write(&path(".parquet"), grasps_table(&set)?)?;
+    let table = grasps_table(&set)?;
     let mut info = grasps_info(&set);
     info["agreement"] = given.and_then(|given| given.agreement(&set)).unwrap_or_default();
+    info["settings_sha256"] = json!(digest(settings.to_string().as_bytes()));
     info["settings"] = settings;
-    info["settings_sha256"] = Value::String(digest);
-    // The last file: an object is complete if it is there.
-    write(&path(".json"), format!("{info:#}\n"))?;
+    info["table_sha256"] = json!(digest(&table));
+    let [about, path] = files(out, object.object.body.name());
+    write(&path, table)?;
+    // The last file: an object is complete if it is there, and the table is the one that it means.
+    write(&about, format!("{info:#}\n"))?;
     Ok(Some(info))
 }
 
+/// `NAME.json` and `NAME.parquet`.
+fn files(out: &Path, name: &str) -> [PathBuf; 2] {
+    ["json", "parquet"].map(|ending| out.join(format!("{name}.{ending}")))
+}
+
 /// Everything that a set depends on.
-fn settings(object: &Annotated, params: &AnnotateParams, given: Option<&GivenGrasps>) -> Result<Value, Failure> {
-    let parts: Vec<Vec<[f32; 3]>> =
-        object.object.body.polyhedra().iter().map(|p| p.corners_m().iter().map(|c| c.to_array()).collect()).collect();
-    let failed = |error: serde_json::Error| Failure::new(ExitCode::Internal, error.to_string());
-    let text = serde_json::to_string(&parts).map_err(failed)?;
-    let mut settings = json!({
+fn settings(object: &Annotated, params: &AnnotateParams, given: Option<&GivenGrasps>) -> Value {
+    json!({
         "code_version": env!("CARGO_PKG_VERSION"),
         "params": params,
         // No part of a gripper's stored form, and files of others depend on it.
@@ -230,30 +236,61 @@ fn settings(object: &Annotated, params: &AnnotateParams, given: Option<&GivenGra
         "physics": generator::PHYSICS,
         "procedure": generator::PROCEDURE,
         "file": object.file,
+        "file_sha256": object.file_sha256,
         "scale_m": object.scale_m,
         "origin_m": object.origin_m.to_array(),
         "mass_kg": object.object.mass_kg,
         "friction": object.object.friction,
-        "parts_sha256": network::checkpoint::digest(text.as_bytes()),
-    });
-    if let Some(given) = given {
-        settings["given_sha256"] = json!(network::checkpoint::digest(format!("{given:?}").as_bytes()));
-    }
-    Ok(settings)
+        "body_sha256": digest(format!("{:?}", object.object.body).as_bytes()),
+        "given_sha256": given.map(|given| digest(format!("{given:?}").as_bytes())),
+    })
 }
 
-/// What an earlier run said of an object, if it had the settings with this digest.
-fn earlier(path: &Path, digest: &str) -> Result<Option<Value>, Failure> {
-    let bytes = match program::read(path, INFO_BYTES_MAX) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        bytes => bytes.context(format_args!("failed to read {}", path.display()))?,
-    };
-    let info: Option<Value> = serde_json::from_slice(&bytes).ok();
-    match info.filter(|info| info["settings_sha256"] == digest) {
-        Some(info) => Ok(Some(info)),
-        None => {
-            let text = format!("--out holds grasps of another object or with other settings: {}", path.display());
-            Err(Failure::new(ExitCode::Config, text))
+/// What an earlier run with these settings said of an object, if both files are as it wrote them. If one is not, a line
+/// says so, and they are made again; other settings are an error.
+fn earlier(out: &Path, name: &str, settings: &Value) -> Result<Option<Value>, Failure> {
+    let [about, table] = files(out, name);
+    let info: Value = serde_json::from_slice(&own_bytes(&about, BYTES_MAX[0])?).unwrap_or_default();
+    let text = settings.to_string();
+    let has_settings = info["settings_sha256"] == digest(text.as_bytes());
+    if has_settings && info["table_sha256"] == digest(&own_bytes(&table, BYTES_MAX[1])?) {
+        return Ok(Some(info));
+    }
+    // What was read of a text may differ in rounding from what the text was made of.
+    let here: Value = serde_json::from_str(&text).unwrap_or_default();
+    let others = differences("settings", &info["settings"], &here);
+    if !(has_settings || info.is_null() || others.is_empty()) {
+        let (others, about) = (others.join("; "), about.display());
+        let text = format!("--out holds grasps of another object or with other settings: {others}: {about}");
+        return Err(Failure::new(ExitCode::Config, text));
+    }
+    if [&about, &table].into_iter().any(|path| fs::symlink_metadata(path).is_ok()) {
+        let faulty = if has_settings { table } else { about };
+        print_error(&format!("made again, for it is missing, cut, changed or a link: {}", faulty.display()));
+    }
+    Ok(None)
+}
+
+/// The bytes of a file; none where there is no file but a link, or nothing.
+fn own_bytes(path: &Path, bytes_max: u64) -> Result<Vec<u8>, Failure> {
+    if !fs::symlink_metadata(path).is_ok_and(|there| there.is_file()) {
+        return Ok(Vec::new());
+    }
+    program::read(path, bytes_max).context(format_args!("failed to read {}", path.display()))
+}
+
+/// The keys whose values differ, with both.
+fn differences(key: &str, there: &Value, here: &Value) -> Vec<String> {
+    match (there, here) {
+        (Value::Object(old), Value::Object(new)) => {
+            let names: BTreeSet<&String> = old.keys().chain(new.keys()).collect();
+            let below = |name: &String| differences(&format!("{key}.{name}"), &there[name], &here[name]);
+            names.into_iter().flat_map(below).collect()
+        }
+        _ if there == here => Vec::new(),
+        _ => {
+            let [there, here] = [there, here].map(ToString::to_string);
+            vec![format!("{key} is {there:.200} there and {here:.200} here")]
         }
     }
 }

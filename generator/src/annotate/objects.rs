@@ -3,12 +3,14 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use program::{ExitCode, Failure};
+use network::checkpoint::digest;
+use program::{ExitCode, Failure, unread};
 use schema::Vec3;
 
 use super::params::Annotated;
 use crate::catalogue::Catalogue;
 use crate::import::{ImportParams, LeftOut, import_objects, sources};
+use crate::mesh_file::BYTES_MAX;
 use crate::{Config, Overrides};
 
 impl Annotated {
@@ -31,6 +33,7 @@ impl Annotated {
             objects.extend(catalogue.objects().iter().map(|object| Self {
                 object: object.clone(),
                 file: path.display().to_string(),
+                file_sha256: None,
                 scale_m: 1.0,
                 origin_m: object.origin_m,
                 warnings: Vec::new(),
@@ -43,13 +46,17 @@ impl Annotated {
             let imported = import_objects(&sources, params, &config, on_file)?;
             let broken = |text: String| Failure::new(ExitCode::Internal, text);
             let catalogue = Catalogue::parse(&imported.catalogue, Path::new("the imported objects")).map_err(broken)?;
-            objects.extend(imported.objects.iter().zip(catalogue.objects()).map(|(of_file, object)| Self {
-                object: object.clone(),
-                file: of_file.file.display().to_string(),
-                scale_m: of_file.scale_m,
-                origin_m: object.origin_m + Vec3::from_array(of_file.middle_m.map(|m| m as f32)),
-                warnings: of_file.guesses.iter().chain(&of_file.warnings).cloned().collect(),
-            }));
+            for (of_file, object) in imported.objects.iter().zip(catalogue.objects()) {
+                let bytes = program::read(&of_file.file, BYTES_MAX).map_err(|error| unread(&of_file.file, &error))?;
+                objects.push(Self {
+                    object: object.clone(),
+                    file: of_file.file.display().to_string(),
+                    file_sha256: Some(digest(&bytes)),
+                    scale_m: of_file.scale_m,
+                    origin_m: object.origin_m + Vec3::from_array(of_file.middle_m.map(|m| m as f32)),
+                    warnings: of_file.guesses.iter().chain(&of_file.warnings).cloned().collect(),
+                });
+            }
             left_out = imported.left_out;
         }
         check_names(&objects)?;

@@ -51,6 +51,8 @@ pub struct Annotated {
     pub object: CatalogueObject,
     /// The file it was read from.
     pub file: String,
+    /// SHA-256 of that file in hex, if it is a mesh or a description.
+    pub file_sha256: Option<String>,
     /// Metres per unit of that file.
     pub scale_m: f64,
     /// The origin of the body's frame in the frame in which grasps are given, which has the same axes.

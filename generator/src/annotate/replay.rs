@@ -108,7 +108,8 @@ mod tests {
         let cuboid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.08)).unwrap();
         let object = CatalogueObject { body: cuboid.into(), mass_kg: 0.2, friction: 0.6, origin_m: Vec3::ZERO };
         let origin_m = Vec3::new(0.5, -1.0, 2.0);
-        let annotated = Annotated { object, file: "a test".to_owned(), scale_m: 1.0, origin_m, warnings: Vec::new() };
+        let file = "a test".to_owned();
+        let annotated = Annotated { object, file, file_sha256: None, scale_m: 1.0, origin_m, warnings: Vec::new() };
         for test in schema::GripTest::ALL {
             let params = AnnotateParams { grasps: 60, drops: 0, test, ..AnnotateParams::default() };
             let set = annotate(&annotated, &params, &mut |_| true).unwrap();

@@ -87,9 +87,64 @@ fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
     check_fails(
         &annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps", "--seed", "2"]),
         78,
-        &["other settings", "brick.json"],
+        &["other settings", "settings.params.seed is 1 there and 2 here", "brick.json"],
     );
+    // All objects are asked before the first is begun.
+    let both = ["slab.obj", "brick.obj", "--scale", "0.001", "--out", "grasps", "--test", "tug"];
+    let refused = [r#"settings.params.test is "lift" there and "tug" here"#, "brick.json"];
+    check_fails(&annotate(&dir, &both), 78, &refused);
+    // A mesh of another form, or one that only says more.
+    let mesh = fs::read_to_string(dir.path().join("brick.obj")).unwrap();
+    for other in [mesh.replace("60", "50"), format!("{mesh}# by hand\n")] {
+        fs::write(dir.path().join("brick.obj"), other).unwrap();
+        let again = annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps"]);
+        check_fails(&again, 78, &["settings.file_sha256 is ", "brick.json"]);
+    }
+    let about = fs::read(folder.join("brick.json")).unwrap();
+    fs::write(folder.join("brick.json"), "{}").unwrap();
+    check_fails(&annotate(&dir, &["brick.obj", "--out", "grasps"]), 78, &["settings is null there"]);
+    fs::write(folder.join("brick.json"), about).unwrap();
     assert_eq!(files(&folder), before);
+}
+
+/// A state that a run does not leave: one file of another run, or empty, cut, linked or gone. Gone is also what a kill
+/// between the two files leaves.
+#[test]
+fn files_that_are_not_as_a_run_left_them_are_made_again() {
+    let dir = objects();
+    let run = |seed: &str, out: &str| {
+        let output = annotate(&dir, &["brick.obj", "--scale", "0.001", "--seed", seed, "--out", out]);
+        check_ok(&output);
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    for (seed, out) in [("2", "other"), ("1", "grasps"), ("1", "grasps")] {
+        let said = run(seed, out);
+        assert!(!said.contains("made again"), "{said}");
+    }
+    let folder = dir.path().join("grasps");
+    let before = files(&folder);
+    let whole = |path: &Path| fs::read(path).unwrap();
+    let other = whole(&dir.path().join("other/brick.parquet"));
+    let elsewhere = dir.path().join("elsewhere");
+    let damages: [(&str, &dyn Fn(&Path)); 5] = [
+        ("empty", &|path| fs::write(path, "").unwrap()),
+        ("cut", &|path| fs::write(path, &whole(path)[..whole(path).len() / 2]).unwrap()),
+        ("gone", &|path| fs::remove_file(path).unwrap()),
+        ("linked", &|path| {
+            fs::rename(path, &elsewhere).unwrap();
+            std::os::unix::fs::symlink(&elsewhere, path).unwrap();
+        }),
+        ("of another run", &|path| fs::write(path, &other).unwrap()),
+    ];
+    for name in ["brick.parquet", "brick.json"] {
+        let path = folder.join(name);
+        for (what, damage) in damages {
+            damage(&path);
+            let said = run("1", "grasps");
+            assert!(said.contains("made again") && said.contains(name), "{what}: {said}");
+            assert!(fs::symlink_metadata(&path).unwrap().is_file() && files(&folder) == before, "{what}: {name}");
+        }
+    }
 }
 
 #[test]
