@@ -66,7 +66,7 @@ class Annotation:
     made: int
     def __new__(
         cls,
-        body: tuple[Body, float, float] | None,
+        body: tuple[Body, float, float, Sequence[float]] | None,
         file: tuple[_Path, float | None, str | None] | None,
         simulation: Simulation,
         params: tuple[int, bool, Sequence[float], str, bool, int, int, int],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from typing import Callable
+from typing import Any, Callable
 
 from numpy.typing import ArrayLike
 
@@ -16,17 +16,17 @@ from .scene import Object, _simulation
 
 
 def annotate(
-    object: Object | str | os.PathLike[str], *, gripper: GripperLike | None = None, grasps: int = 2_000,
+    object: Object | str | os.PathLike[str] | Any, *, gripper: GripperLike | None = None, grasps: int = 2_000,
     given: ArrayLike | None = None, held_only: bool = False, test: str = "lift",
     shares: tuple[float, float, float] = (0.8, 0.1, 0.1), margins: bool = False, repeats: int = 0, drops: int = 100,
     scale: float | None = None, seed: int = 1, threads: int | None = None, progress: Callable[[int], None] | None = None,
 ) -> ObjectGrasps:  # fmt: skip
     """Draws grasps over the whole surface of an object that floats, executes each, and says how it ended: in the frame of the
-    mesh's file, or of the :class:`Object`. Equal arguments give equal grasps, those of ``graspmill objects annotate``.
+    mesh, or of the :class:`Object`. Equal arguments give equal grasps, those of ``graspmill objects annotate``.
 
     Args:
-        object: An object, whose pose does not matter; or the path of a mesh, a URDF or an MJCF (which need MuJoCo: ``pip install
-            graspmill[descriptions]``) or a catalogue of one object.
+        object: An object, whose pose does not matter; a mesh as for :meth:`Object.mesh`, with its mass and friction; or the path of
+            a mesh, of a URDF or an MJCF (``pip install graspmill[descriptions]``) or of a catalogue of one object.
         gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file; ``parallel_jaw_80`` by default.
         grasps: Number of grasps; with ``held_only`` only those that hold count and are kept.
         given: Grasps of somebody else to be labelled instead, ``object_from_grasp``, ``[N, 4, 4]`` or ``[N, 7]``.
@@ -38,15 +38,15 @@ def annotate(
         seed: Seed of every draw; ``threads`` is the number of threads, by default one per core.
         progress: Is told how many grasps there are; an exception that it raises stops the work.
 
-    Warns of what was guessed of a file (unit, mass) and what is unusual about it, as ``info["object"]["warnings"]`` has it. Raises
-    InputError if an argument is wrong, or the file cannot be used.
+    Warns of what was guessed of a file or is unusual about it: ``info["object"]["warnings"]``. Raises InputError for what is wrong.
     """
     from .formats import objects
     from .formats.grasps import parquet
 
-    body = (object._body, object.mass_kg, object.friction) if isinstance(object, Object) else None
-    path = None if isinstance(object, Object) else os.path.abspath(_arrays.path("object", object))
+    path = os.path.abspath(_arrays.path("object", object)) if isinstance(object, (str, os.PathLike)) else None
     _arrays.must(path is not None or scale is None, "scale goes with a file")
+    thing = object if path is not None or isinstance(object, Object) else Object.mesh(object, (0, 0, 0))
+    body = (thing._body, thing.mass_kg, thing.friction, [0.0] * 3 if thing is object else thing._body.centre_m) if path is None else None
     scale = None if scale is None else _arrays.number("scale", scale, 1e-9, 1e6)
     parts = [_arrays.number("shares", share, 0.0, 1.0) for share in _arrays.floats("shares", shares, (3,))]
     _arrays.must(sum(parts), "shares must not all be 0")

@@ -33,11 +33,11 @@ type PlainParams = (usize, bool, [f32; 3], String, bool, u32, u32, u64);
 
 #[pymethods]
 impl Annotation {
-    /// Begins that of a body with its mass and friction, or of a file with so many metres a unit; with what was made of
-    /// a description.
+    /// Begins that of a body with its mass, friction and place in the frame of its grasps, or of a file with so many
+    /// metres a unit; with what was made of a description.
     #[new]
     fn new(
-        body: Option<(Py<Body>, f32, f32)>,
+        body: Option<(Py<Body>, f32, f32, [f32; 3])>,
         file: Option<(PathBuf, Option<f64>, Option<PathBuf>)>,
         simulation: &Simulation,
         params: PlainParams,
@@ -62,16 +62,15 @@ impl Annotation {
             seed,
             ..AnnotateParams::default()
         };
-        let body = body.map(|(body, mass_kg, friction)| (body.get().body().clone(), mass_kg, friction));
+        let of_body = body.map(|(body, mass_kg, friction, origin_m)| {
+            let object = CatalogueObject { body: body.get().body().clone(), mass_kg, friction, origin_m: Vec3::ZERO };
+            let (file, origin_m) = (String::new(), Vec3::from_array(origin_m));
+            Annotated { object, file, file_sha256: None, scale_m: 1.0, origin_m, warnings: Vec::new() }
+        });
         let work = Apart::start(threads, move |_, counts| {
-            let annotated = match (body, file) {
-                (Some((body, mass_kg, friction)), _) => {
-                    let origin_m = Vec3::ZERO;
-                    let object = CatalogueObject { body, mass_kg, friction, origin_m };
-                    let (file, warnings) = (String::new(), Vec::new());
-                    Annotated { object, file, file_sha256: None, scale_m: 1.0, origin_m, warnings }
-                }
-                (None, file) => of_file(file)?,
+            let annotated = match of_body {
+                Some(annotated) => annotated,
+                None => of_file(file)?,
             };
             let mut go_on = |made: usize| {
                 counts.done.store(made as u64, Ordering::Relaxed);

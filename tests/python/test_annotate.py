@@ -1,11 +1,13 @@
 """Labelled grasps of objects from Python: the same as the program's, and labels for grasps of others."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 pytest.importorskip("pyarrow")
-from grasp_sets import ENDINGS, FORMATS, box_obj  # noqa: E402
+from grasp_sets import BOX_MESH, ENDINGS, FORMATS, box_obj  # noqa: E402
 from programs import packaged  # noqa: E402
 
 BOX = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0, 0, 0))
@@ -38,6 +40,19 @@ def test_grasps_are_those_of_the_program(tmp_path):
     points = made.contacts_m[made.held].reshape(-1, 3)
     off = np.abs(np.stack([points, points - (0.04, 0.06, 0.05)])).min(axis=(0, 2))
     assert np.isfinite(points).all() and off.max() < 1e-3
+
+
+@pytest.mark.parametrize("mesh", [BOX_MESH, SimpleNamespace(vertices=BOX_MESH[0], faces=BOX_MESH[1])], ids=["arrays", "trimesh"])
+def test_a_mesh_is_annotated_as_an_object_of_it_but_in_its_own_frame(mesh):
+    made = graspmill.annotate(mesh, grasps=40, drops=10)
+    thing = graspmill.annotate(graspmill.Object.mesh(mesh, (1, 2, 3)), grasps=40, drops=10)
+    assert np.array_equal(made.outcome, thing.outcome) and made.held.sum() > 5
+    centre_m = np.array([0.02, 0.025, 0.03])  # the mesh's corner is its origin, the middle is that of the object
+    moved_m = made.object_from_grasp[:, :3, 3] - thing.object_from_grasp[:, :3, 3]
+    np.testing.assert_allclose(moved_m, np.tile(centre_m, (40, 1)), atol=1e-6)
+    np.testing.assert_allclose((made.contacts_m - thing.contacts_m - centre_m)[made.held], 0.0, atol=1e-6)
+    np.testing.assert_allclose(made.info["object"]["centre_of_mass_m"], centre_m, atol=1e-5)
+    assert made.info["object"]["mass_kg"] == thing.info["object"]["mass_kg"] == pytest.approx(0.06, rel=1e-3)
 
 
 def test_a_description_is_annotated_as_what_it_describes(tmp_path):
@@ -127,6 +142,9 @@ def test_what_is_wrong_is_named(tmp_path):
         ("test must be one of lift, turn, tug, shake", lambda: graspmill.annotate(BOX, test="drop")),
         ("shares must not all be 0", lambda: graspmill.annotate(BOX, shares=(0, 0, 0))),
         ("scale goes with a file", lambda: graspmill.annotate(BOX, scale=1.0)),
+        ("scale goes with a file", lambda: graspmill.annotate(BOX_MESH, scale=1.0)),
+        ("mesh must be", lambda: graspmill.annotate(7)),
+        ("metres", lambda: graspmill.annotate((1000.0 * BOX_MESH[0], BOX_MESH[1]))),
         ("given", lambda: graspmill.annotate(BOX, given=np.zeros((2, 4, 4)))),
         ("claw", lambda: graspmill.annotate(BOX, gripper="claw")),
         ("gone.obj", lambda: graspmill.annotate(tmp_path / "gone.obj")),
