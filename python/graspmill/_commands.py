@@ -160,10 +160,10 @@ def _annotate(words: list[str]) -> int:
         code = run_native(native)
     if given.out is None or code not in (0, 66):  # the sets are there, all or those of the inputs that could be used
         return code
-    for about in sorted(Path(given.out).glob("*.json")):
-        grasps = about.with_suffix(".parquet")
+    for about in filter(Path.is_file, sorted(Path(given.out).glob("*.json"))):
+        grasps, since = about.with_suffix(".parquet"), about.stat().st_mtime
         missing = [about.with_name(about.stem + ENDINGS[name]) for name in chosen]
-        missing = [file for file in missing if not file.exists() or file.stat().st_mtime < about.stat().st_mtime]
+        missing = [file for file in missing if file.is_symlink() or not (file.is_file() and file.stat().st_size and file.stat().st_mtime >= since)]
         if missing and grasps.exists():
             made = ObjectGrasps.load(grasps)
             for file in missing:

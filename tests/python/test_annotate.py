@@ -1,5 +1,6 @@
 """Labelled grasps of objects from Python: the same as the program's, and labels for grasps of others."""
 
+import os
 from types import SimpleNamespace
 
 import numpy as np
@@ -114,6 +115,20 @@ def test_files_of_others_are_labelled_by_the_program(drawn_files, form):
         assert again.info["agreement"]["same"] >= 58 and again.info["agreement"]["kappa"] > 0.85
     np.testing.assert_allclose(again.object_from_grasp, drawn.object_from_grasp, atol=2e-6)
     assert again.scale_m == pytest.approx(0.001) and (again.held == drawn.held).mean() > 0.95
+
+
+def test_a_file_of_others_that_is_empty_or_a_link_is_written_again(tmp_path):
+    words = (brick(tmp_path).parent, "--scale", "0.001", "--grasps", "20", "--format", "graspgen", "--out", "out")
+    annotated(*words)
+    file, elsewhere = tmp_path / "out" / "brick.graspgen.json", tmp_path / "elsewhere.json"
+    whole = file.read_bytes()
+    file.write_bytes(b"")
+    annotated(*words)
+    assert file.read_bytes() == whole
+    os.replace(file, elsewhere)
+    file.symlink_to(elsewhere)
+    annotated(*words)
+    assert file.read_bytes() == whole and not file.is_symlink()
 
 
 def test_what_the_program_cannot_write_or_read_is_named(tmp_path):
