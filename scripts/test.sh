@@ -7,10 +7,11 @@
 # tests that need it; scripts/site.sh, which is a step, has a venv of its own. --long: also the long versions of the
 # Python tests, those marked `long`: ten times as many faults, attacks and hostile datasets, an hour more; the fuzz
 # targets compile; the training step is compared with Burn's. As root on Debian or Ubuntu, Slurm, strace, faketime,
-# Chromium, zsh and fish are installed, too; elsewhere the tests that need them are skipped with a message, and so is that of real captures where GRASPMILL_REAL
-# names none (by default ../shared/real, if that exists). With GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every
-# step runs even if an earlier one failed, unless it depends on it. The table at the end lists the results and times.
-# Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
+# Chromium, zsh and fish are installed, too; elsewhere the tests that need them are skipped with a message, and so is
+# that of real captures where GRASPMILL_REAL names none (by default ../shared/real, if that exists). With
+# GRASPMILL_NO_SKIPS=1 any other skipped test fails. Every step runs even if an earlier one failed, unless it depends
+# on it. The table at the end lists the results and times. Exit code: 0 if all passed, 1 if a step failed, 2 if the
+# arguments are wrong.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

@@ -5,9 +5,9 @@
 //! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid for the network and the
 //! surface as points. Candidates come from one of two methods: the detections of a network that answers for every
 //! voxel ([`mod@voxel`]), or what a judge expects of proposed grasps. The points are segmented into table and
-//! objects ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]). [`gripper_volume`] turns the grasp
-//! towards the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`],
-//! which is printed as JSON.
+//! objects ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]). [`gripper_volume`] turns the
+//! grasp towards the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a
+//! [`plan::Plan`], which is printed as JSON.
 //!
 //! [`input`] reads files and requests, [`serve`] is the HTTP service.
 //!

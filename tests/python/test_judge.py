@@ -30,7 +30,7 @@ def block(low: tuple, high: tuple) -> np.ndarray:
     return np.array(list(product(*zip(low, high))), dtype=np.float32).astype(float)
 
 
-# A stem of 40 mm between the fingers, on a foot wider than the open gripper: their hull cannot be grasped near the foot.
+# A stem of 40 mm between the fingers, on a foot wider than the open gripper: their hull has no grasp near the foot.
 FOOT, STEM = block((-0.03, -0.06, -0.035), (0.03, 0.06, -0.025)), block((-0.015, -0.02, -0.025), (0.015, 0.02, 0.035))
 STAND = Compound("stand", (hull_of(FOOT), hull_of(STEM)))
 STAND_EXTENTS_M = (0.06, 0.12, 0.07)

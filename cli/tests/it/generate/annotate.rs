@@ -109,6 +109,9 @@ fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
 
 /// A state that a run does not leave: one file of another run, or empty, cut, linked or gone. Gone is also what a kill
 /// between the two files leaves.
+/// What is done to a file, and how.
+type Damage<'a> = (&'static str, &'a dyn Fn(&Path));
+
 #[test]
 fn files_that_are_not_as_a_run_left_them_are_made_again() {
     let dir = objects();
@@ -126,7 +129,7 @@ fn files_that_are_not_as_a_run_left_them_are_made_again() {
     let whole = |path: &Path| fs::read(path).unwrap();
     let other = whole(&dir.path().join("other/brick.parquet"));
     let elsewhere = dir.path().join("elsewhere");
-    let damages: [(&str, &dyn Fn(&Path)); 5] = [
+    let damages: [Damage<'_>; 5] = [
         ("empty", &|path| fs::write(path, "").unwrap()),
         ("cut", &|path| fs::write(path, &whole(path)[..whole(path).len() / 2]).unwrap()),
         ("gone", &|path| fs::remove_file(path).unwrap()),
