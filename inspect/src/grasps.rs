@@ -6,7 +6,7 @@ mod page;
 mod stored;
 
 use report::view::flat_points;
-use schema::{Gripper, ObjectGrasp, ObjectGrasps, Outcome, Pose, StablePose, Vec3};
+use schema::{ObjectGrasp, ObjectGrasps, Outcome, Pose, StablePose, Vec3};
 use serde_json::{Value, json};
 use shards::{PlainColumn, plain_table, pose_columns};
 
@@ -86,13 +86,6 @@ pub(super) fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f3
     (known > 0.0).then(|| free.max(0.0) / known)
 }
 
-/// From the base of the gripper to its tips, along the approach: the flange's distance if the gripper's file has it,
-/// else palm and fingers.
-fn base_to_tips_m(gripper: &Gripper) -> f32 {
-    let flange = gripper.flange_from_grasp.map(|flange_from_grasp| flange_from_grasp.position_m[2]);
-    flange.unwrap_or(gripper.finger_length_m + gripper.palm_length_m)
-}
-
 /// What is said of an object beside its grasps, as `NAME.json` has it.
 #[must_use]
 pub fn grasps_info(set: &ObjectGrasps) -> Value {
@@ -120,7 +113,7 @@ pub fn grasps_info(set: &ObjectGrasps) -> Value {
         },
         "test": set.test.name(),
         "gripper": set.gripper,
-        "base_to_tips_m": base_to_tips_m(&set.gripper),
+        "base_to_tips_m": set.gripper.base_to_tips_m(),
         "grasps": set.grasps.len(),
         "outcomes": outcomes,
         "coverage": set.coverage,

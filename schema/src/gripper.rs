@@ -133,6 +133,14 @@ impl Gripper {
         self.opening_m_max - 2.0 * self.clearance_m
     }
 
+    /// From its base to its tips along the approach, in metres: the flange's distance if its file has it, else palm and
+    /// fingers.
+    #[must_use]
+    pub fn base_to_tips_m(&self) -> f32 {
+        let flange = self.flange_from_grasp.map(|flange_from_grasp| flange_from_grasp.position_m[2]);
+        flange.unwrap_or(self.finger_length_m + self.palm_length_m)
+    }
+
     /// Reads the name of a built-in gripper, the path of a gripper's file, which ends in `.toml`, or a table with what
     /// such a file has.
     pub fn read_named(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
