@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use program::{ExitCode, Failure};
+use program::{Context as _, ExitCode, Failure};
 use schema::{ObjectGrasps, Outcome, Pose};
 use serde_json::{Value, json};
 use shards::{PlainColumn, read_plain_table};
@@ -29,6 +29,7 @@ impl GivenGrasps {
     /// # Errors
     /// [`Failure`] if the file cannot be read, is damaged, or is not such a table.
     pub fn read(path: &Path) -> Result<Self, Failure> {
+        std::fs::metadata(path).context(format_args!("failed to read {}", path.display()))?;
         if path.extension().is_none_or(|ending| ending != "parquet") {
             let rule =
                 "the program of the Python package reads other files than .parquet: pip install graspmill[grasps]";
