@@ -5,6 +5,7 @@
 //! neither threads nor an interruption change anything.
 
 mod bearing;
+mod doubt;
 mod draw;
 mod objects;
 mod params;
@@ -20,6 +21,7 @@ use simulator::{FloatingWorld, Grip, Hold, Load, Motion};
 
 use self::bearing::{G_M_S2, HOLD, loads, sides};
 pub use self::bearing::{PHYSICS, PROCEDURE};
+use self::doubt::Fingers;
 use self::draw::{Draw, Supply};
 pub use self::params::{AnnotateParams, Annotated, GraspShares};
 pub use self::replay::{GraspReplay, grasp_replays};
@@ -74,7 +76,7 @@ pub fn annotate(
 }
 
 /// Labels given grasps of an object, in their order; poses are in the frame in which grasps are given. `on_grasps` is
-/// that of [`annotate`].
+/// that of [`annotate`]. A warning of the set tells where they seem to be in another frame or unit.
 #[must_use]
 pub fn relabel(
     annotated: &Annotated,
@@ -95,7 +97,10 @@ pub fn relabel(
             return None;
         }
     }
-    Some(bench.set(grasps))
+    let mut set = bench.set(grasps);
+    let fingers = Fingers { gripper: &params.gripper, annotated, surface: &bench.surface };
+    set.warnings.extend(fingers.doubt(object_from_grasps));
+    Some(set)
 }
 
 /// Everything that labels the grasps of one object.

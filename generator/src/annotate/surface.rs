@@ -76,15 +76,20 @@ impl Surface {
     /// Where a line from a point of the surface, going into the object along `inwards`, leaves it: at the other side of
     /// a wall, and behind a hollow again.
     pub(super) fn across(&self, from_m: Vec3, inwards: Vec3) -> Vec<SurfacePoint> {
-        // Most lines pass by most parts.
-        let is_near = |part: &&Polyhedron| {
-            let (to_m, far_m) = (part.centre_m() - from_m, 1.001 * part.radius_m() + 1e-5);
-            let along_m = to_m.dot(inwards);
-            along_m >= -far_m && to_m.length_squared() - along_m * along_m <= far_m * far_m
-        };
-        let inside = within(self.parts.iter().filter(is_near), from_m, inwards).into_iter();
+        let inside = self.inside(from_m, inwards).into_iter();
         let end = |of: Within| SurfacePoint { at_m: from_m + inwards * of.exit_m, normal: of.exit_normal };
         inside.filter(|of| of.exit_m > 0.0).map(end).collect()
+    }
+
+    /// Where the line through a point is inside the object, on both sides of the point.
+    pub(super) fn inside(&self, at_m: Vec3, direction: Vec3) -> Vec<Within> {
+        // Most lines pass by most parts.
+        let is_near = |part: &&Polyhedron| {
+            let (to_m, far_m) = (part.centre_m() - at_m, 1.001 * part.radius_m() + 1e-5);
+            let along_m = to_m.dot(direction);
+            to_m.length_squared() - along_m * along_m <= far_m * far_m
+        };
+        within(self.parts.iter().filter(is_near), at_m, direction)
     }
 
     /// The outward normal of the face that is nearest to a point of the surface.

@@ -185,10 +185,21 @@ fn grasps_of_a_file_are_labelled_again_and_agree_with_themselves() {
     assert_eq!([&again["agreement"]["same"], &again["agreement"]["grasps"], &again["grasps"]], [all, all, all]);
     assert_eq!(again["agreement"]["given_held"], drawn["outcomes"]["held"]);
     assert!(again["agreement"]["kappa"] == 1.0 && said.contains("Cohen's kappa"), "{said}");
+    assert!(!said.contains("between the open fingers"), "{said}");
     // The same once more; the labels of another file are others.
     check_ok(&relabel("drawn/brick.parquet", "again"));
     check_ok(&annotate(&dir, &[&brick[..], &["--seed", "2", "--out", "others"]].concat()));
     check_fails(&relabel("others/brick.parquet", "again"), 78, &["other settings"]);
+    // In centimetres the box is ten times as large, and told so again.
+    let larger = ["brick.obj", "--scale", "0.01", "--relabel", "drawn/brick.parquet", "--out", "larger"];
+    for _ in 0..2 {
+        let said = check_ok(&program(&larger));
+        assert!(said.contains("brick: the object lies between the open fingers in "), "{said}");
+        assert!(said.contains("if a unit of the mesh is 1 mm"), "{said}");
+    }
+    for name in ["gone.parquet", "gone.h5", "gone.txt"] {
+        check_fails(&relabel(name, "more"), 78, &["failed to read", name]);
+    }
     for (name, code, said) in [("a.parquet", 65, "whole Parquet"), ("a.h5", 78, "Python package")] {
         fs::write(dir.path().join(name), "no").unwrap();
         check_fails(&relabel(name, "more"), code, &[said, name]);
