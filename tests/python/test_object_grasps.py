@@ -63,6 +63,33 @@ def test_files_that_close_along_the_other_axis(tmp_path):
     refused("closing_axis must be 'x' or 'y', got 'z'", lambda: read_grasps(usual, closing_axis="z"))
 
 
+@pytest.mark.parametrize("shape", ["parts", "flat", "matrix"])
+def test_a_graspgen_file_says_how_its_gripper_is_turned(tmp_path, shape):
+    # Of GraspDataGen's franka_panda, which closes along y: x of GraspGen's frame is y of the file's.
+    turned = [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+    offset = {"parts": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.7071, 0.7071]], "flat": sum(turned, []), "matrix": turned}[shape]
+    path = saved(one_above(), tmp_path, "graspgen", closing_axis="y")
+    told = json.loads(path.read_text())
+    told["gripper"]["transform_offset_from_asset_to_graspgen_convention"] = offset
+    path.write_text(json.dumps(told))
+    np.testing.assert_allclose(read_grasps(path).object_from_grasp, [ABOVE], atol=1e-6)
+    told["gripper"]["transform_offset_from_asset_to_graspgen_convention"] = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    path.write_text(json.dumps(told))
+    refused("transform_offset_from_asset_to_graspgen_convention must have the shape", lambda: read_grasps(path))
+
+
+def test_the_tips_of_graspgens_own_grippers_are_those_of_its_meshes(tmp_path):
+    path = saved(one_above(), tmp_path, "graspgen")
+    told = json.loads(path.read_text())
+    known = ("franka_panda", 0.10527314, 0.1122), ("franka_panda", None, 0.1122), ("robotiq_2f_140", 0.195, 0.212), ("rg6", 0.2, 0.2)
+    for name, depth_m, tips_m in known:
+        told["gripper"] = {"name": name, "depth": depth_m}
+        path.write_text(json.dumps(told))
+        grasps = read_grasps(path)
+        assert grasps.base_to_tips_m == tips_m
+        np.testing.assert_allclose(grasps.object_from_grasp[0, :3, 3], [0.01, 0.02, 0.03 + BASE_M - tips_m], atol=1e-12)
+
+
 # Round trips.
 
 
@@ -227,6 +254,13 @@ grasps:
     assert (grasps.file, grasps.scale_m, grasps.name) == ("mug.obj", 0.5, "mug")
     np.testing.assert_array_equal(grasps.width_m, [0.04, np.nan])
     refused("base_to_tips_m or gripper must be given", lambda: read_grasps(tmp_path / "mug.yaml"))
+    # Of a gripper that closes along x, bite points of the open fingers lie off the approach there.
+    text = (tmp_path / "mug.yaml").read_text().replace("bite_point: [0.0, 0.0, 0.1]", "bite_point: [-0.03, 0.0, 0.1]")
+    (tmp_path / "mug.yaml").write_text(text)
+    other = read_grasps(tmp_path / "mug.yaml", gripper="franka_hand")
+    np.testing.assert_allclose(other.object_from_grasp[0, :3, 1], grasps.object_from_grasp[0, :3, 0], atol=1e-7)
+    again_y = read_grasps(tmp_path / "mug.yaml", gripper="franka_hand", closing_axis="y")
+    np.testing.assert_array_equal(again_y.object_from_grasp, grasps.object_from_grasp)
 
 
 def test_confidences_of_a_network_are_no_labels(tmp_path):

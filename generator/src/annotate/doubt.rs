@@ -131,7 +131,7 @@ mod tests {
         let body = Solid::new(ShapeKind::Cuboid, Vec3::from_array(extents_m)).unwrap().into();
         let object = CatalogueObject { body, mass_kg: 0.2, friction: 0.6, origin_m: Vec3::ZERO };
         let origin_m = Vec3::new(0.05, -0.1, 0.2);
-        Annotated { object, file: "a test".to_owned(), scale_m, origin_m, warnings: Vec::new() }
+        Annotated { object, file: "a test".to_owned(), file_sha256: None, scale_m, origin_m, warnings: Vec::new() }
     }
 
     fn params() -> AnnotateParams {

@@ -37,10 +37,10 @@ def read(
         path: The file.
         format: ``"acronym"`` (.h5, needs h5py), ``"graspgen"`` (.json), ``"isaac_grasp"`` (.yaml, needs PyYAML), ``"molmospaces"``
             (.npz), ``"graspnet"`` (.npy) or ``"parquet"`` (:meth:`ObjectGrasps.load`); by default that of the path's ending.
-        base_to_tips_m: From the origin of the file's frame to the tips of the gripper, along the approach. By default 0.1122 m
-            for ACRONYM and ``gripper.depth`` of the file for GraspGen. isaac_grasp has none: give it, or ``gripper``.
+        base_to_tips_m: From the origin of the file's frame to the tips of the gripper, along the approach. By default 0.1122 m for
+            ACRONYM, for GraspGen ``gripper.depth`` of the file, or by its meshes. isaac_grasp has none: give it, or ``gripper``.
         gripper: The gripper: its distance is z of ``flange_from_grasp``, or else the length of finger and palm.
-        closing_axis: Along which axis of the file's frame the gripper closes: by default ``"x"``, for isaac_grasp ``"y"``.
+        closing_axis: Along which axis of the file's frame it closes: ``"x"``, for isaac_grasp ``"y"`` or by its bite points.
 
     Raises InputError if the file is damaged or of something else, or the distance is not known.
     """

@@ -13,6 +13,10 @@ from .._files import loaded_json
 from ._parts import GripperFrame, about, from_base, gripper_name, labelled, opening_m, to_base, word
 
 WHAT = "JSON"
+#: From the base to the tips of its own grippers, in metres, by its meshes: its ``depth`` ends between the pads.
+TIPS_M = {"franka_panda": 0.1122, "robotiq_2f_140": 0.212}
+#: GraspGen's frame, in which a gripper closes along x, in that of the poses: a matrix, or position and quaternion.
+OFFSET = "transform_offset_from_asset_to_graspgen_convention"
 
 
 def read(path: str, given: GripperFrame) -> dict[str, Any]:
@@ -20,17 +24,17 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
     thing, grasps = _arrays.table("object", _arrays.entry("object", data)), _arrays.table("grasps", _arrays.entry("grasps", data))
     gripper = _arrays.table("gripper", data.get("gripper", {}))
     depth_m = None if gripper.get("depth") is None else _arrays.number("gripper.depth", gripper["depth"], 0.0, 10.0)
-    base_m = given.known_m(depth_m, "the file")
-    bases = _arrays.rigid("grasps.transforms", _arrays.entry("grasps.transforms", grasps), GRASPS_MAX)
-    held = _arrays.entry("grasps.object_in_gripper", grasps)
-    known = {"name": gripper.get("name"), "opening_m_max": gripper.get("width")}
+    base_m = given.known_m(max(filter(None, (depth_m, TIPS_M.get(str(gripper.get("name"))))), default=depth_m), "the file")
+    flat = np.hstack([*(gripper.get(OFFSET) or np.eye(4))])
+    offset = _arrays.pose(f"gripper.{OFFSET}", flat.reshape(4, 4) if flat.size == 16 else flat)
+    bases = _arrays.rigid("grasps.transforms", _arrays.entry("grasps.transforms", grasps), GRASPS_MAX) @ _arrays.matrices([offset])
     return {
         "file": word("object.file", _arrays.entry("object.file", thing)),
         "scale_m": _arrays.number("object.scale", _arrays.entry("object.scale", thing), 0.0, 1e9),
         "object_from_grasp": from_base(bases, base_m, given.closing_axis or "x"),
-        "held": labels("grasps.object_in_gripper", held, len(bases)),
+        "held": labels("grasps.object_in_gripper", _arrays.entry("grasps.object_in_gripper", grasps), len(bases)),
         "base_to_tips_m": base_m,
-        "info": about("graspgen", {**known, **given.gripper}),
+        "info": about("graspgen", {"name": gripper.get("name"), "opening_m_max": gripper.get("width"), **given.gripper}),
     }
 
 

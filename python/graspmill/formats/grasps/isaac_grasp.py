@@ -55,6 +55,9 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
     rows = [_row(f"grasps.{str(key)[:60]}", value) for key, value in grasps.items()]
     poses, confidences, widths_m, openings_m = zip(*rows) if rows else ([], [], [], [])
     bases = _arrays.of_quaternions("grasps", np.reshape(np.array(poses, np.float64), (-1, 7)), GRASPS_MAX)
+    # GraspDataGen's bite points lie on a finger, off the approach along the closing direction alone.
+    points = [_three(key, grasp[key]) for grasp in grasps.values() for key in ("bite_point", "pregrasp_bite_point") if key in grasp]
+    x_m, y_m, _ = np.abs(np.reshape(points, (-1, 3))).sum(axis=0)
     score, opening = np.array(confidences, np.float64), np.array(openings_m, np.float64)
     # The editor writes 0 for what escaped, 0.5 for what was lost later, 1 for what was kept. Others are a network's.
     held = score == 1.0 if np.isin(score, (0.0, 0.5, 1.0)).all() else None
@@ -66,7 +69,7 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
         **({"name": name} if isinstance(name, str) and name and "/" not in name else {}),
         "file": word("object_file", data.get("object_file", "")),
         "scale_m": _arrays.number("object_scale", data.get("object_scale", 1.0), 0.0, 1e9),
-        "object_from_grasp": from_base(bases, base_m, given.closing_axis or "y"),
+        "object_from_grasp": from_base(bases, base_m, given.closing_axis or ("x" if x_m > y_m else "y")),
         "held": held,
         "score": score,
         "width_m": np.array(widths_m, np.float64),
@@ -84,10 +87,9 @@ def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
         rule = "held, or a score from 0 to 1, must be known for isaac_grasp"
         raise InputError(f"{rule}, got neither: dataclasses.replace(grasps, held=…) states it")
     name, widest_m = gripper_name(grasps), opening_m(grasps)
-    lines = ["format: isaac_grasp", "format_version: 1.0"]
     frames = {"object_frame": grasps.name, "gripper_frame": name, "object_file": grasps.file}
-    lines += [f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in frames.items() if text]
-    lines += [f"object_scale: {grasps.scale_m:.10f}", "grasps:" if len(grasps) else "grasps: {}"]
+    told = [f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in frames.items() if text]
+    lines = ["format: isaac_grasp", "format_version: 1.0", *told, f"object_scale: {grasps.scale_m:.10f}", "grasps:" if len(grasps) else "grasps: {}"]
     # Numbers have a fixed number of decimals: YAML 1.1 takes 1e-5 for a word.
     for number, (base, turned) in enumerate(zip(bases, _arrays.quaternions(bases[:, :3, :3]))):
         x, y, z, w = (f"{one:.8f}" for one in turned)
