@@ -1,5 +1,6 @@
 """Labelled grasps of objects from Python: the same as the program's, and labels for grasps of others."""
 
+import json
 import os
 from types import SimpleNamespace
 
@@ -85,7 +86,8 @@ def test_grasps_of_others_are_labelled(tmp_path):
 
 
 def annotated(folder, *words):
-    packaged("objects", "annotate", folder / "brick.obj", "--gripper", "franka_hand", "--drops", "0", *words, cwd=folder)
+    words = ("objects", "annotate", folder / "brick.obj", "--gripper", "franka_hand", "--drops", "0", *words)
+    return packaged(*words, cwd=folder).stdout
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +106,7 @@ def test_files_of_others_are_labelled_by_the_program(drawn_files, form):
     # Three say how long a unit of the mesh is.
     scale = [] if form in ("acronym", "graspgen", "isaac_grasp") else ["--scale", "0.001"]
     for _ in range(2 if form == "graspgen" else 1):  # the same once more
-        annotated(drawn_files, "--relabel", file, *scale, "--out", form)
+        assert "between the open fingers" not in annotated(drawn_files, "--relabel", file, *scale, "--out", form)
     drawn, again = (graspmill.ObjectGrasps.load(drawn_files / folder / "brick.parquet") for folder in ("drawn", form))
     if form in ("molmospaces", "graspnet"):  # without labels, and only what held
         assert again.info["agreement"] is None
@@ -131,6 +133,24 @@ def test_a_file_of_others_that_is_empty_or_a_link_is_written_again(tmp_path):
     assert file.read_bytes() == whole and not file.is_symlink()
 
 
+def test_what_is_wrong_with_a_frame_or_a_unit_is_told(drawn_files):
+    told = json.loads((drawn_files / "drawn" / "brick.graspgen.json").read_text())
+    far = np.array(told["grasps"]["transforms"])
+    far[:, :3, 3] *= 1e3
+    for name, part, key, value, why in (
+        ("base", "gripper", "depth", 0.0, "if their origin is the gripper's base"),
+        ("large", "object", "scale", 0.01, "if a unit of the mesh is 1 mm"),
+        ("far", "grasps", "transforms", far.tolist(), "if their positions are in millimetres"),
+    ):
+        (drawn_files / f"{name}.json").write_text(json.dumps({**told, part: {**told[part], key: value}}))
+        said = annotated(drawn_files, "--relabel", f"{name}.json", "--out", name)
+        assert "warning: brick: the object lies between the open fingers in " in said and why in said
+    poses = graspmill.ObjectGrasps.load(drawn_files / "drawn" / "brick.parquet").object_from_grasp
+    poses[:, :3, 3] *= 1e3
+    with pytest.warns(UserWarning, match="of 60 grasps, but in .* if their positions are in millimetres"):
+        graspmill.annotate(drawn_files / "brick.obj", gripper="franka_hand", scale=0.001, drops=0, given=poses)
+
+
 def test_what_the_program_cannot_write_or_read_is_named(tmp_path):
     mesh = brick(tmp_path)
     (tmp_path / "a.npz").write_text("no")
@@ -138,6 +158,8 @@ def test_what_the_program_cannot_write_or_read_is_named(tmp_path):
         (["--format", "graspgen,stl"], "--format must be some of acronym, graspgen"),
         (["--relabel", tmp_path / "a.npz"], "transforms"),
         (["--relabel", tmp_path / "gone.json"], "gone.json"),
+        (["--relabel", tmp_path / "gone.parquet"], "gone.parquet"),
+        (["--relabel", tmp_path / f"{'long' * 20}.txt"], f"{'long' * 20}.txt"),
         (["--relabel", tmp_path / "a.txt"], "must end with one of"),
     ):
         assert said in packaged("objects", "annotate", mesh, *words, "--out", tmp_path / "out", code=78).stderr

@@ -74,7 +74,7 @@ def _format(path: str, format: str | None, known: dict[str, Any]) -> Any:
         return known[chosen]
     endings = ", ".join(ending for ending, one in ENDINGS.items() if one in known)
     rule = f"format must be one of {', '.join(known)}" if format else f"path must end with one of {endings}, or format be given"
-    raise InputError(f"{rule}, got {_arrays.shown(format or path)}")
+    raise InputError(f"{rule}, got {_arrays.shown(format) if format else path}")
 
 
 def _given(base_to_tips_m: float | None, gripper: GripperLike | None, closing_axis: Axis | None) -> GripperFrame:
