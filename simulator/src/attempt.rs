@@ -76,18 +76,7 @@ impl<'a> AttemptWorld<'a> {
     /// attempts.
     #[must_use]
     pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
-        Self::with_inertia(physics, gripper, procedure, scene, LeastInertia::NONE)
-    }
-
-    /// As [`Self::new`], and no object is less sluggish than `least`.
-    pub(crate) fn with_inertia(
-        physics: &'a Physics,
-        gripper: &'a Gripper,
-        procedure: &'a Procedure,
-        scene: &Scene,
-        least: LeastInertia,
-    ) -> Self {
-        let objects = Objects::of(physics, &scene.objects, &scene.fixtures, least);
+        let objects = Objects::of(physics, &scene.objects, &scene.fixtures, LeastInertia::of(physics, gripper));
         let gate = Gate::new(scene, gripper, procedure);
         Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, objects }
     }

@@ -11,7 +11,6 @@ use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Quat, Vec3};
 
 use crate::attempt::{AttemptWorld, Execution, Objects, Stopping};
 use crate::bodies::{AttemptEngine as _, Bodies as _};
-use crate::mass_scaling::LeastInertia;
 use crate::stepper::{Stepper, Turning};
 use crate::watch::{Moment, Phase, Watcher};
 use crate::{Body, Obstruction, Scene, SceneObject};
@@ -123,8 +122,7 @@ impl<'a> FloatingWorld<'a> {
         assert!(physics.engine == Engine::Stepper, "floating objects are the stepper's");
         let object = SceneObject { body: body.clone(), mass_kg, friction, workspace_from_object: Pose::IDENTITY };
         let scene = Scene { table_z_m: -FAR_M, fixtures: Vec::new(), objects: vec![object] };
-        let least = LeastInertia::of(physics, gripper);
-        Self { world: AttemptWorld::with_inertia(physics, gripper, procedure, &scene, least) }
+        Self { world: AttemptWorld::new(physics, gripper, procedure, &scene) }
     }
 
     /// Closes the gripper at a grasp in the object's frame; or how the attempt ended before anything was between the
