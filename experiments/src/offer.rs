@@ -2,7 +2,7 @@
 
 use planner::input::InputError;
 use planner::{FindTable, Observation, PlanOptions, Planner, View};
-use schema::{Grid, Pose};
+use schema::{Grid, Pose, Vec3};
 use simulator::{Scene, SceneRays};
 
 use crate::config::{Config, Frames};
@@ -89,6 +89,31 @@ pub struct Offer {
     pub rho_m: Option<f32>,
 }
 
+/// Largest distance from the workspace's origin along an axis, in metres, that physics takes.
+const FAR_M_MAX: f32 = 1e3;
+
+impl Offer {
+    /// Whether its pose is one that physics takes, and its numbers are some that the journal can hold.
+    fn is_sound(&self) -> bool {
+        let Pose { rotation, translation, .. } = self.workspace_from_grasp;
+        let numbers = [self.width_m, self.quality, self.rho_m.unwrap_or_default()];
+        // False for NaN.
+        let is_pose =
+            (rotation.length_squared() - 1.0).abs() < 1e-2 && translation.abs().cmple(Vec3::splat(FAR_M_MAX)).all();
+        is_pose && numbers.iter().all(|number| number.is_finite())
+    }
+}
+
+/// The offers of a planner, in the workspace, if all of them can be executed and written down.
+pub(crate) fn sound(offers: Vec<Offer>) -> Result<Vec<Offer>, NoPlan> {
+    let Some(odd) = offers.iter().find(|offer| !offer.is_sound()) else { return Ok(offers) };
+    let Offer { workspace_from_grasp: Pose { rotation, translation, .. }, width_m, quality, rho_m } = odd;
+    Err(NoPlan::NoAnswer(format!(
+        "a grasp must be a rotation, a place within {FAR_M_MAX} m and finite numbers, got {rotation} at {translation}, \
+         width {width_m}, quality {quality}, rho {rho_m:?}"
+    )))
+}
+
 /// Why a planner gave no plan.
 #[derive(Debug)]
 pub enum NoPlan {
@@ -127,5 +152,37 @@ impl Plans for Planner {
             rho_m: grasp.rho_m,
         };
         Ok(plan.grasps.iter().map(offer).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::Quat;
+
+    use super::*;
+
+    #[test]
+    fn what_physics_or_the_journal_cannot_hold_is_no_answer() {
+        let offer = |at_m: Vec3, rotation: Quat, quality: f32| Offer {
+            workspace_from_grasp: Pose::from_parts(at_m, rotation),
+            width_m: 0.04,
+            quality,
+            rho_m: None,
+        };
+        let good = offer(Vec3::new(0.1, 0.2, 1e3), Quat::IDENTITY, -3e38);
+        assert_eq!(sound(vec![good.clone()]).unwrap(), [good.clone()]);
+        for odd in [
+            offer(Vec3::splat(3e38), Quat::IDENTITY, 0.5),
+            offer(Vec3::new(0.0, f32::INFINITY, 0.0), Quat::IDENTITY, 0.5),
+            offer(Vec3::new(0.0, 0.0, f32::NAN), Quat::IDENTITY, 0.5),
+            offer(Vec3::ZERO, Quat::from_xyzw(0.0, 0.0, 0.0, 0.0), 0.5),
+            offer(Vec3::ZERO, Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0), 0.5),
+            offer(Vec3::ZERO, Quat::IDENTITY, f32::INFINITY),
+            Offer { width_m: f32::NAN, ..good.clone() },
+            Offer { rho_m: Some(f32::INFINITY), ..good.clone() },
+        ] {
+            let told = sound(vec![good.clone(), odd.clone()]);
+            assert!(matches!(&told, Err(NoPlan::NoAnswer(why)) if why.contains("within 1000 m")), "{odd:?}: {told:?}");
+        }
     }
 }

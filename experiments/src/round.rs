@@ -16,7 +16,7 @@ use simulator::{
 };
 
 use crate::config::{Choice, Config, Touching};
-use crate::offer::{Look, NoPlan, Offer, Plans};
+use crate::offer::{Look, NoPlan, Offer, Plans, sound};
 use crate::record::{Attempt, AttemptObject, Ending, Round};
 use crate::start::{Start, UNVIABLE_MAX, start};
 
@@ -129,7 +129,7 @@ fn try_once(
     let views = observe(config, scene, noise);
     let observe_ms = milliseconds(began);
     let began = Instant::now();
-    let offers = planner.plan(Look { config, scene, views, failed: failed.to_vec() })?;
+    let offers = sound(planner.plan(Look { config, scene, views, failed: failed.to_vec() })?)?;
     let plan_ms = milliseconds(began);
     let world = AttemptWorld::new(&config.scene.physics, &config.plan.gripper, &config.scene.procedure, scene);
     let mut ends = offers.iter().skip(tried).map(|best| {

@@ -1,5 +1,6 @@
 """`graspmill.experiment(planner=function)`: our rounds, anyone's grasps, also those of a function that misbehaves."""
 
+import json
 import os
 import signal
 import threading
@@ -117,6 +118,18 @@ def test_what_a_function_does_ends_the_round_and_not_the_run(tmp_path):
     # Rounds are played side by side, and so are asked in any order.
     assert all(any(why in one for one in told) for _, why in ways), told
     assert f"{len(ways)} of {len(ways)} rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_a_plan_that_is_too_far_to_be_written_down_ends_the_round(tmp_path):
+    pose = {"position_m": [3e38, -3e38, 3e38], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}
+    unknown = ("object", "rho_m", "width_m", "width_seen_share", "robustness", "base_from_grasp", "workspace_from_flange", "base_from_flange")
+    row = {"workspace_from_grasp": pose, "camera_from_grasp": pose, "opening_m": 0.08, "quality": 0.9, **dict.fromkeys(unknown)}
+    plan = graspmill.Plan.from_json(json.dumps({"format": "graspmill-plan/3", "gripper": "parallel_jaw_80", "grasps": [row]}))
+    # The first camera's frame is turned: there the numbers are finite, in the workspace they are not.
+    run(tmp_path / "run", lambda _: plan, settings={"frames": "found"}, name="mine")
+    assert "within 1000 m" in rounds_of(tmp_path / "run")[0]["no_answer"]
+    run(tmp_path / "run", lambda _: ([], []), rounds=2, settings={"frames": "found"}, name="mine")
+    assert [r["ending"] for r in rounds_of(tmp_path / "run")] == ["no_answer", "no_grasp"]
 
 
 def test_what_is_outside_ends_the_run(tmp_path):
