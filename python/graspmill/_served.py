@@ -49,10 +49,9 @@ class ServedPlanner:
             self._server = parts.hostname or "", parts.port
         _arrays.must(parts.scheme in ("http", "https") and parts.hostname, rule)
         self._kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
-        try:
-            text = self._ask(urljoin(self._url, "config")) or b"{}"
-        except NoAnswer as error:
-            raise OutsideError(f"{self._name}: {error}: /config") from error
+        self._has_config = False
+        text = self._config()
+        self._has_config, text = bool(text), text or b"{}"
         try:
             said = {key: value for key, value in json.loads(text).items() if value is not None}
             approach, jaw = _numbers(said.get("approach_axis_local", [1, 0, 0]), 3), _numbers(said.get("jaw_axis_local", [0, 1, 0]), 3)
@@ -83,7 +82,7 @@ class ServedPlanner:
                 scene = np.concatenate([*objects[:number], *objects[number + 1 :], rest])
                 clouds = {"point_cloud": thing, "scene_points": _thinned(scene, self._points_max - len(thing))}
                 request = json.dumps({**{name: _encoded(cloud) for name, cloud in clouds.items()}, **always})
-                rows.append(self._grasps(self._ask(self._url, request.encode()), look.gripper.opening_m_max))
+                rows.append(self._grasps(self._answer(request), look.gripper.opening_m_max))
         found = np.concatenate(rows)
         new = found[[not _is_like(pose, look.failed) for pose in _arrays.matrices(found[:, :7])]]
         return new[:, :7], new[:, 7], new[:, 8]
@@ -107,6 +106,23 @@ class ServedPlanner:
             wrong = _arrays.shown(grasps[int(is_right.argmin())])
             raise NoAnswer(f"a grasp must have a rotation and numbers that are finite in single precision, got {wrong}")
         return np.column_stack([ours_m, _arrays.quaternions(turns @ self._axes), scores, widths_m])
+
+    def _config(self) -> bytes:
+        """What it says it is; nothing of a server that never did. One that does not answer is gone, also behind a proxy that is there."""
+        try:
+            if not (text := self._ask(urljoin(self._url, "config"))) and self._has_config:
+                raise NoAnswer("status 404")
+            return text
+        except NoAnswer as error:
+            raise OutsideError(f"{self._name}: the server does not say what it is: {error}: /config") from error
+
+    def _answer(self, request: str) -> bytes:
+        """The answer to a request. A server that is gone ends the run; one that is there gave no answer."""
+        try:
+            return self._ask(self._url, request.encode())
+        except NoAnswer:
+            self._config()
+            raise
 
     def _ask(self, url: str, body: bytes | None = None) -> bytes:
         """The body of an answer; of one that knows no such page nothing. Redirections are not followed."""
@@ -133,7 +149,6 @@ class ServedPlanner:
         except (OSError, http.client.HTTPException) as error:
             if is_late.is_set() or isinstance(error, TimeoutError):
                 raise NoAnswer("no answer in time") from error
-            self._connection().close()  # A server that is gone ends the run; one that is there gave no answer.
             raise NoAnswer(f"{type(error).__name__}: {error}") from error
         finally:
             patience.cancel()

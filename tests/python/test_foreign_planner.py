@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
+import pytest
 from programs import PACKAGE, program, ran, rounds_of
 
 from planner_service import ROOT, running
@@ -20,7 +21,8 @@ DOWN = {"translation": [0, 0, 0], "rotation_matrix": [[0, 0, 1], [0, 1, 0], [-1,
 
 @contextmanager
 def planner(answer, config=None):
-    """A server whose `/predict` is `answer(request)`: bytes, a status with bytes, None for silence, GONE for its end."""
+    """A server whose `/predict` is `answer(request)`: bytes, a status with bytes, None for silence, GONE for its end. `/config` may
+    be a function, too."""
     asked = []
 
     class Handler(BaseHTTPRequestHandler):
@@ -39,6 +41,8 @@ def planner(answer, config=None):
                 with suppress(OSError):
                     while not done.wait(0.1):
                         self.wfile.write(b"a")
+            elif callable(config):
+                self.say(*config())
             elif config is None or self.path != "/config":
                 self.say(404, b"")
             else:
@@ -130,10 +134,11 @@ def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path):
     ]
     given = iter(answers)
     with planner(lambda _: next(given)[0], {"fingertip_depth": 0.1}) as (url, _):
-        run(tmp_path / "run", "--planner", url, "--planner-timeout-s", "1", rounds=len(answers))
+        told = run(tmp_path / "run", "--planner", url, "--planner-timeout-s", "1", rounds=len(answers)).stdout
     for round, (answer, why) in zip(rounds_of(tmp_path / "run"), answers, strict=True):
         assert round["ending"] == "no_answer" and why in round["no_answer"], (answer, round)
-    assert f"{len(answers)} of {len(answers)} rounds ended because the planner gave no answer" in (tmp_path / "run" / "report.html").read_text()
+    why = f"{len(answers)} of {len(answers)} rounds ended because the planner gave no answer"
+    assert why in told and why in (tmp_path / "run" / "report.html").read_text()
     with planner(lambda _: grasps(DOWN | {"translation": [3e38, 3e38, 3e38]}), {"fingertip_depth": 0.1}) as (url, _):
         run(tmp_path / "far", "--planner", url)
     assert "within 1000" in rounds_of(tmp_path / "far")[0]["no_answer"]
@@ -148,6 +153,25 @@ def test_a_run_whose_planner_is_gone_ends_and_goes_on_when_it_is_back(tmp_path):
     with planner(lambda _: grasps() if len(asked) <= 2 else GONE, {"fingertip_depth": 0.1}) as (url, asked):
         said = run(tmp_path / "run", "--planner", url, rounds=3, code=75).stderr
     assert said.splitlines()[-1].startswith(f"error: --planner {url}: the server cannot be reached: "), said
+    assert [round["ending"] for round in rounds_of(tmp_path / "run")] == ["no_grasp"]
+    with planner(lambda _: grasps(), {"fingertip_depth": 0.1}) as (url, asked):
+        run(tmp_path / "run", "--planner", url, rounds=3)
+    assert len(asked) == 4 and [round["ending"] for round in rounds_of(tmp_path / "run")] == ["no_grasp"] * 3
+
+
+@pytest.mark.parametrize("now", [(502, b"no upstream"), (404, b"no tunnel")])
+def test_a_planner_that_is_gone_behind_a_proxy_ends_the_run_and_its_rounds_are_played_again(tmp_path, now):
+    # The proxy takes connections as before.
+    def answer(_):
+        return grasps() if len(asked) <= 2 else now
+
+    def config():
+        return (200, b'{"fingertip_depth": 0.1}') if len(asked) <= 2 else now
+
+    with planner(answer, config) as (url, asked):
+        said = run(tmp_path / "run", "--planner", url, rounds=3, code=75).stderr
+    wanted = f"error: --planner {url}: the server does not say what it is: status {now[0]}"
+    assert said.splitlines()[-1].startswith(wanted), said
     assert [round["ending"] for round in rounds_of(tmp_path / "run")] == ["no_grasp"]
     with planner(lambda _: grasps(), {"fingertip_depth": 0.1}) as (url, asked):
         run(tmp_path / "run", "--planner", url, rounds=3)

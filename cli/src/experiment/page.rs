@@ -82,9 +82,16 @@ fn in_short(results: &Results) -> String {
         "{protocol}\n\n\
          {success} of the grasps held (GSR): {held} of {attempts}\n\
          {cleared} of the objects removed (DR): {removed} of {objects}\n\
-         {} ms a plan (p50 / p90 / p99)\n",
-        times(*plan_ms)
+         {} ms a plan (p50 / p90 / p99)\n{}",
+        times(*plan_ms),
+        unanswered(results).map_or(String::new(), |told| told + "\n")
     )
+}
+
+/// What is said of rounds in which the planner gave no answer, if there are some.
+fn unanswered(Results { rounds, endings, .. }: &Results) -> Option<String> {
+    let silent = endings.get(&Ending::NoAnswer)?;
+    Some(format!("{silent} of {rounds} rounds ended because the planner gave no answer; journal.jsonl says why."))
 }
 
 fn described(all: &[Played]) -> Document {
@@ -107,16 +114,14 @@ fn described(all: &[Played]) -> Document {
 
 /// What would mislead a reader of an experiment's rates.
 fn warnings(one: &Played) -> Vec<String> {
-    let Results { rounds, rates, endings, .. } = &one.report.results;
-    let silent = endings.get(&Ending::NoAnswer).copied().unwrap_or_default();
+    let Results { rounds, rates, .. } = &one.report.results;
     let mut warnings = Vec::new();
     let mut warn = |is_so: bool, text: String| warnings.extend(is_so.then(|| format!("{}: {text}", one.name)));
     warn(*rounds < ROUNDS_MIN, format!("only {rounds} rounds do not show what is rare: intervals are too narrow."));
     // The bootstrap cannot draw results that were not seen.
     let is_point = rates.all().into_iter().flatten().any(|rate| rate.low >= rate.high);
     warn(is_point, "an interval has no width: all rounds ended alike, which is not certainty.".to_owned());
-    let why = "rounds ended because the planner gave no answer; journal.jsonl says why";
-    warn(silent > 0, format!("{silent} of {rounds} {why}."));
+    warnings.extend(unanswered(&one.report.results).map(|told| format!("{}: {told}", one.name)));
     warnings
 }
 
@@ -344,5 +349,7 @@ name = "```"
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!((lines.len(), lines[0]), (5, "pile"), "{text}");
         assert!(lines[2].starts_with("60.0 % (41.2 to 75.0)") && lines[2].ends_with("6 of 10"), "{text}");
+        let silent = in_short(&Results { endings: [(Ending::NoAnswer, 2)].into(), ..small("pile") });
+        assert_eq!(silent, text + "2 of 4 rounds ended because the planner gave no answer; journal.jsonl says why.\n");
     }
 }
