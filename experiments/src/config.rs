@@ -23,6 +23,9 @@ use crate::files::sha256;
 /// The experiment that explains the keys: one of the files that come along.
 pub const REFERENCE: &str = include_str!("../../configs/experiment/pile.toml");
 
+/// What stands in an experiment's text before the planner's settings.
+const PLANNER: &str = "\n# Planner\n";
+
 /// A checked experiment.
 #[derive(Debug, Clone)]
 pub struct Config {
@@ -282,7 +285,7 @@ impl Config {
         let mut plan = planner::Config::document(Some(&plan_path))?;
         let mut of_plan = of_plan.into_iter().map(|(key, value)| (key.trim_start_matches("plan."), value));
         of_plan.try_for_each(|(key, value)| plan.set(key, value))?;
-        let text = format!("{}\n# Planner\n{}", document.table(), plan.table());
+        let text = format!("{}{PLANNER}{}", document.table(), plan.table());
         let plan: planner::Config = plan.read()?;
         // Who plans executes.
         scene.gripper = plan.gripper.clone().into();
@@ -298,6 +301,13 @@ impl Config {
             scene,
             plan,
         })
+    }
+
+    /// Says in its text who plans in place of our planner, of whose settings the gripper alone counts.
+    pub fn tell_planner(&mut self, who: &str) {
+        let who = who.replace(char::is_control, " ");
+        let told = format!("\n# Planned by {who}. Of these settings the gripper alone counts.\n");
+        self.text = self.text.replacen(PLANNER, &told, 1);
     }
 
     /// Rounds of all seeds: at most 10⁹.
@@ -405,6 +415,17 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/experiment/some.toml");
         let set: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
         Config::resolve(Document::parse(text, &path).unwrap(), &set).unwrap().digest
+    }
+
+    #[test]
+    fn the_text_says_who_plans_and_is_read_as_before() {
+        let mut config = Config::read(None, &[]).unwrap();
+        let before = config.text.clone();
+        config.tell_planner("me\n[views]");
+        let told = "# Planned by me [views]. Of these settings the gripper alone counts.\n";
+        assert!(before.contains("\n# Planner\n") && config.text.contains(told), "{}", config.text);
+        let settings = |text: &str| text.lines().filter(|line| !line.starts_with('#')).collect::<String>();
+        assert_eq!(settings(&config.text), settings(&before));
     }
 
     /// A folder that was moved or copied goes on.

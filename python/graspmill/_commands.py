@@ -15,11 +15,12 @@ from typing import Callable
 from . import _arrays, _native, formats
 from .dataset import Dataset
 from .errors import GraspmillError, InputError
-from .experiments import play
+from .experiments import check_keys, play
 from .formats import captures
 from .formats import grasps as grasp_files
 from .formats._files import module
 from .formats.objects import run_native
+from .grippers import Gripper
 from .object_grasps import ObjectGrasps
 
 
@@ -104,11 +105,15 @@ def _experiment(words: list[str]) -> int:
     pairs = [(key.strip(), value.strip()) for key, _, value in (pair.partition("=") for pair in given.set)]
     pairs += [] if given.rounds is None else [("rounds", str(given.rounds))]
     pairs += [] if given.seed is None else [("seeds", f"[{given.seed}]")]
+    check_keys(pairs)
     threads = _arrays.whole("--threads", given.threads, 1, 1024)
     # A job that ends its time is stopped by this signal.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     planner = ServedPlanner(given.planner, given.planner_timeout_s, given.tip_depth)
-    work = _native.Experiment(given.out, given.config, pairs, planner.id, shlex.join(["graspmill", *words]), threads)
+    command = shlex.join(["graspmill", *words])
+    work = _native.Experiment(given.out, given.config, pairs, (planner.id, planner.who), command, threads)
+    if doubt := planner.doubt(Gripper._of(work.hand())):
+        print(f"warning: {doubt}", file=sys.stderr)
     in_short = play(work, planner, lambda done, total, held: _progress(f"{done:,} of {total:,} rounds, {held:,} grasps held"))
     _progress("")
     print(f"{given.out / 'report.html'}  failures and how it was run; also report.json and tables as Parquet\n\n{in_short}", end="")

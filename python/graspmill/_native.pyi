@@ -210,7 +210,7 @@ class Experiment:
         out: _Path,
         config: _Path | None,
         set: Sequence[tuple[str, str]],
-        id: str | None,
+        planner: tuple[str, str] | None,
         command: str,
         threads: int,
     ) -> Experiment: ...

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from . import _arrays
 from .errors import InputError, OutsideError
 from .experiments import Look, NoAnswer
+from .grippers import Gripper
 
 #: Most grasps of an object that are asked for.
 GRASPS = 100
@@ -32,6 +33,8 @@ ANSWER_BYTES_MAX = 64 << 20
 RIGID = 0.02
 #: Grasps nearer to each other than this, turned by no more than that, are alike, half a turn apart or not.
 ALIKE_M, ALIKE_RAD = 0.01, math.radians(30)
+#: Grippers that open as wide but for this may be the same.
+OPENS_ALIKE_M = 0.001
 #: What reading JSON of strangers raises.
 _ODD = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
 
@@ -55,9 +58,15 @@ class ServedPlanner:
         try:
             said = {key: value for key, value in json.loads(text).items() if value is not None}
             approach, jaw = _numbers(said.get("approach_axis_local", [1, 0, 0]), 3), _numbers(said.get("jaw_axis_local", [0, 1, 0]), 3)
-            self._points_min = int(_numbers(said.get("min_points", POINTS_MIN)))
-            self._points_max = min(int(_numbers(said.get("max_points", POINTS_MAX))), POINTS_MAX)
-            tips_m = np.float32(_numbers(said.get("fingertip_depth", 0))) - np.float32(_numbers(said.get("tcp_offset", 0)))
+            # Half of a request is of the object.
+            self._points_min = int(_arrays.number("min_points", _numbers(said.get("min_points", POINTS_MIN)), 0, POINTS_MAX // 2))
+            points_max = _arrays.number("max_points", _numbers(said.get("max_points", POINTS_MAX)), 2, 1e12)
+            self._points_max, tips_m = min(int(points_max), POINTS_MAX), np.float32(0)
+            if tip_depth_m is None:
+                depth, offset = (_arrays.number(key, _numbers(said.get(key, 0)), -1, 1) for key in ("fingertip_depth", "tcp_offset"))
+                tips_m = np.float32(depth) - np.float32(offset)
+            opens_m, self._hand = said.get("gripper_max_width"), said.get("gripper", said.get("hand"))
+            self._opens_m = _numbers(opens_m) if type(opens_m) in (int, float) else math.nan
         except _ODD as error:
             raise InputError(f"{self._name}: /config must be JSON as the contract has it: {error}") from error
         if tip_depth_m is not None:
@@ -68,8 +77,20 @@ class ServedPlanner:
         self._axes, self._tips_m = np.column_stack([np.cross(jaw, approach), jaw, approach]), approach * tips_m
         if not _are_rotations(self._axes[None])[0]:
             raise InputError(f"{self._name}: /config must have unit axes at right angles: approach_axis_local, jaw_axis_local")
+        self._is_ours = said.get("backend") == "graspmill"
+        opens = "" if math.isnan(self._opens_m) else f", which opens {self._opens_m:g} m"
+        self._for = f"for {'a gripper' if self._hand is None else f'the gripper {_arrays.shown(self._hand)}'}{opens}"
+        #: Who plans, as reports say it.
+        self.who = f"{url} {self._for}"
         #: What tells its results from those of another.
         self.id = f"served-{hashlib.sha256(text + struct.pack('<f', tips_m)).hexdigest()}"
+
+    def doubt(self, gripper: Gripper) -> str | None:
+        """What is wrong with the gripper that executes, if the server is known to plan for another one."""
+        # False for NaN. Of other servers the names are their own.
+        is_other = abs(self._opens_m - gripper.opening_m_max) > OPENS_ALIKE_M or (self._is_ours and self._hand != gripper.name)
+        own = f"{gripper.name}, which opens {gripper.opening_m_max:g} m"
+        return f"{self._name}: it plans {self._for}, but --set plan.gripper is {own}" if is_other else None
 
     def __call__(self, look: Look) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Poses, scores and widths of what it answers, without the grasps that failed."""

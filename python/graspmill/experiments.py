@@ -106,7 +106,8 @@ def experiment(
             with the highest score is executed; of a plan the first. By default our planner.
         name: What tells its results from those of another: a folder continues with the same name only. By default the function's.
         rounds: Rounds of a seed, and ``seed`` the only seed of the scenes, in place of the config's.
-        settings: Other keys of the experiment, ``{"noise.kind": "d435"}``, and of the planner, ``{"plan.gripper": "franka_hand"}``.
+        settings: Other keys of the experiment, ``{"noise.kind": "d435"}``, and of our planner, ``{"plan.gripper": "franka_hand"}``;
+            where a function plans, of these the gripper's alone.
         threads: Rounds at once, by default one per core; it changes times, not results.
         progress: A function of the rounds that are done, of all, and of the grasps that held; an exception that it raises stops the work.
 
@@ -128,7 +129,10 @@ def experiment(
     count = (os.cpu_count() or 1) if threads is None else _arrays.whole("threads", threads, 1, 1024)
     command = f"graspmill.experiment({str(out)!r}, {str(config)!r}{f', planner={name}' if name else ''})"
     _arrays.must(progress is None or callable(progress), "progress must be a function", progress)
-    play(_native.Experiment(folder, file, pairs, name and f"function-{name}", command, count), planner, progress)
+    if planner is not None:
+        check_keys(pairs)
+    who = None if name is None else (f"function-{name}", f"the function {name}")
+    play(_native.Experiment(folder, file, pairs, who, command, count), planner, progress)
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     return ExperimentResults(folder, report["results"])
 
@@ -147,6 +151,13 @@ def play(work: _native.Experiment, planner: Callable[[Look], Planned] | None, te
         work.stop()
         raise
     return in_short
+
+
+def check_keys(pairs: Iterable[tuple[str, str]]) -> None:
+    """Refuses settings of our planner where another one plans, which they do not change: the gripper alone executes."""
+    for key, _ in pairs:
+        is_ours = key == "model" or (key.startswith("plan.") and key.split(".")[1] != "gripper")
+        _arrays.must(not is_ours, f"{key} must be left out where another planner plans: of our planner's settings plan.gripper alone counts")
 
 
 class NoAnswer(Exception):

@@ -150,22 +150,26 @@ pub(crate) struct Experiment {
 
 #[pymethods]
 impl Experiment {
-    /// Begins it. Our planner plans, or a function whose results have this id; `command` is what the report names.
+    /// Begins it. Our planner plans, or a function whose results have this id and which is called so; `command` is what
+    /// the report names.
     #[new]
     fn new(
         out: PathBuf,
         config: Option<PathBuf>,
         set: Vec<(String, String)>,
-        id: Option<String>,
+        planner: Option<(String, String)>,
         command: String,
         threads: usize,
     ) -> PyResult<Self> {
-        let config = Config::read(config.as_deref(), &set).map_err(|error| raised(&error.into()))?;
+        let mut config = Config::read(config.as_deref(), &set).map_err(|error| raised(&error.into()))?;
+        if let Some((_, who)) = &planner {
+            config.tell_planner(who);
+        }
         let config = Arc::new(config);
         let asked = Arc::clone(&config);
         let work = Apart::start(1, move |tell, counts| {
-            let planner: Box<dyn Plans> = match id {
-                Some(id) => Box::new(Function { id, tell: tell.clone() }),
+            let planner: Box<dyn Plans> = match planner {
+                Some((id, _)) => Box::new(Function { id, tell: tell.clone() }),
                 None => Box::new(asked.planner()?),
             };
             let on_round = |round: &Round| counts.add(1, round.removed_count.into());

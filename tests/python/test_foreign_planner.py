@@ -192,11 +192,34 @@ def test_what_is_not_known_of_a_planner_is_asked_for(tmp_path):
         assert "unit axes at right angles" in run(tmp_path / "c", "--planner", url, code=78).stderr
     with planner(lambda _: grasps(), b"<html>") as (url, _):
         assert "/config must be JSON" in run(tmp_path / "d", "--planner", url, code=78).stderr
+    with planner(lambda _: grasps(), {"fingertip_depth": 1e30, "min_points": 0}) as (url, _):
+        said = run(tmp_path / "i", "--planner", url, code=78).stderr
+        assert "fingertip_depth must be between -1 and 1, got 1e+30" in said
+        run(tmp_path / "j", "--planner", url, "--tip-depth", "0.1")
+    with planner(lambda _: grasps(), {"fingertip_depth": 0.1, "min_points": 1e30}) as (url, _):
+        assert "min_points must be between 0 and 32768, got 1e+30" in run(tmp_path / "k", "--planner", url, code=78).stderr
     assert "must be an address" in run(tmp_path / "e", "--planner", "ftp://here", code=78).stderr
     assert "must be an address" in run(tmp_path / "f", "--planner", "here", code=78).stderr
     # The server is gone: nothing was begun.
     assert "the server cannot be reached" in run(tmp_path / "g", "--planner", url, code=75).stderr
     assert "required" in run(tmp_path / "h", "--tip-depth", "0.1", code=2).stderr
+
+
+def test_what_another_planner_does_not_heed_is_refused_or_said(tmp_path):
+    for key in ("plan.detection.quality_min=0.1", "plan.ranking.policy=vgn-best", "model=mine.safetensors"):
+        said = run(tmp_path / "a", "--planner", "http://127.0.0.1:1/predict", "--set", key, code=78).stderr
+        assert f"{key.partition('=')[0]} must be left out where another planner plans" in said
+    for name, config, told in (
+        ("b", {"hand": "wide_hand", "gripper_max_width": 0.14}, "'wide_hand', which opens 0.14 m"),
+        ("c", {"backend": "graspmill", "gripper": "franka_hand", "gripper_max_width": 0.08}, "'franka_hand', which opens 0.08 m"),
+        ("d", {"gripper": "franka_panda", "gripper_max_width": 0.08}, None),
+    ):
+        with planner(lambda _: grasps(), config | {"fingertip_depth": 0.1}) as (url, _):
+            said = run(tmp_path / name, "--planner", url).stderr
+        wanted = f"warning: --planner {url}: it plans for the gripper {told}, but --set plan.gripper is parallel_jaw_80"
+        assert (wanted in said) == (told is not None) and ("warning" in said) == (told is not None), said
+        report = json.loads((tmp_path / name / "report.json").read_text())
+        assert f"# Planned by {url} for the gripper " in report["about"]["config"]
 
 
 def test_our_own_service_is_a_planner_and_a_run_goes_on(tmp_path):
