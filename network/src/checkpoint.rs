@@ -81,7 +81,23 @@ fn encode(checkpoint: &Checkpoint) -> Result<Vec<u8>, SafeTensorError> {
     });
     let views = named.map(|(name, slot, data)| Ok((name, TensorView::new(Dtype::F32, slot.shape.clone(), data)?)));
     let views = views.collect::<Result<Vec<_>, SafeTensorError>>()?;
-    safetensors::serialize(views, Some(header::write(checkpoint)))
+    let mut file = safetensors::serialize(views, Some(header::write(checkpoint)))?;
+    let own = own_digest(&file, header::BLANK);
+    if let Some(place) = place_of(header::BLANK, &file) {
+        file[place..place + own.len()].copy_from_slice(own.as_bytes());
+    }
+    Ok(file)
+}
+
+/// Where a digest first stands in a file.
+fn place_of(digest: &str, file: &[u8]) -> Option<usize> {
+    file.windows(header::BLANK.len()).position(|part| part == digest.as_bytes())
+}
+
+/// The digest of a file but for the digest that it states.
+fn own_digest(file: &[u8], stated: &str) -> String {
+    let Some(place) = place_of(stated, file) else { return digest(file) };
+    digest(&[&file[..place], header::BLANK.as_bytes(), &file[place + header::BLANK.len()..]].concat())
 }
 
 fn failed(action: &str, source: &io::Error, path: &Path) -> Failure {
@@ -141,7 +157,14 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, Failure> {
         // Weights of another program: what is wrong with them says more than what they lack.
         vector(&tensors, &parameter_slots(), "", path)?;
     }
-    let (architecture, Stored { dataset_id, config, progress, adam_steps, .. }) = header?;
+    let (architecture, Stored { file_sha256, dataset_id, config, progress, adam_steps, .. }) = header?;
+    if let Some(stated) = file_sha256 {
+        let own = own_digest(file, &stated);
+        if own != stated {
+            let problem = format!("damaged checkpoint: file_sha256 of its header must be {own}, got {stated}");
+            return Err(damaged(problem, path));
+        }
+    }
     let slots = architecture.slots();
     let vector = |prefix: &str| {
         let vector = vector(&tensors, &slots, prefix, path)?;
@@ -218,6 +241,37 @@ mod tests {
             assert!(std::fs::read(path("a")).unwrap() == std::fs::read(path("b")).unwrap());
             assert_eq!(back, checkpoint);
         }
+    }
+
+    /// Wherever a bit is flipped: in weights, in moments, in the progress, in names, in the digest.
+    #[test]
+    fn a_checkpoint_with_a_flipped_bit_is_refused_and_one_without_a_digest_is_read() {
+        let checkpoint = Checkpoint {
+            vector: initial_vector(1),
+            architecture: Architecture::Voxel(VoxelParams::at_tips(Upsampling::Linear)),
+            config: format!("# {}\n", "0".repeat(70)),
+            dataset_id: "abc".to_owned(),
+            progress: Progress { step: 45, ..Progress::default() },
+            moments: Some(Moments { steps: 45, first: initial_vector(2), second: initial_vector(3), point: None }),
+        };
+        let (path, file) = (Path::new("x"), encode(&checkpoint).unwrap());
+        assert_eq!(from_bytes(&file, path).unwrap(), checkpoint);
+        let header_len = 8 + u64::from_le_bytes(file[..8].try_into().unwrap()) as usize;
+        for at in (0..header_len).step_by(61).chain((header_len..file.len()).step_by(file.len() / 24)) {
+            let mut flipped = file.clone();
+            flipped[at] ^= 1 << (at % 7);
+            assert!(from_bytes(&flipped, path).is_err(), "byte {at}");
+        }
+        let mut flipped = file.clone();
+        flipped[file.len() - 2] ^= 1;
+        let error = from_bytes(&flipped, path).unwrap_err();
+        assert!(error.exit_code() == ExitCode::Data && error.to_string().contains("file_sha256"), "{error}");
+        // As versions before 0.4.0 wrote it: safetensors' header has its length before it.
+        let text = String::from_utf8(file[8..header_len].to_vec()).unwrap();
+        let [from, to] = ["\\\"file_sha256", "\\\"format_version"].map(|key| text.find(key).unwrap());
+        let older = [&text[..from], &text[to..]].concat().into_bytes();
+        let whole = [&(older.len() as u64).to_le_bytes()[..], &older[..], &file[header_len..]].concat();
+        assert_eq!(from_bytes(&whole, path).unwrap(), checkpoint);
     }
 
     #[test]

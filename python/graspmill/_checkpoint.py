@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from pathlib import Path
@@ -15,6 +16,8 @@ from .formats._files import write
 
 #: Key and version of the header.
 HEADER, FORMAT_VERSION = "graspmill", 1
+#: What stands in place of a file's digest while that is taken.
+BLANK = "0" * 64
 #: Id of a dataset that nobody stated, and what takes the place of a recipe.
 UNKNOWN, RECIPE = "unknown (imported weights)", "# Trained with PyTorch.\n"
 _NO_PROGRESS = {
@@ -39,6 +42,7 @@ def save_checkpoint(
         if off := int((~tensor.isfinite()).sum()):
             raise DataError(f"{name} must be finite, got {off} values that are not: the training diverged")
     header = {
+        "file_sha256": BLANK,
         "format_version": FORMAT_VERSION,
         "architecture": architecture,
         **own,
@@ -49,4 +53,5 @@ def save_checkpoint(
         "made_by": "graspmill.torch",
     }
     text = json.dumps(header, separators=(",", ":"), ensure_ascii=False)
-    write(Path(path), save(tensors, {HEADER: text}))
+    file = save(tensors, {HEADER: text})
+    write(Path(path), file.replace(BLANK.encode(), hashlib.sha256(file).hexdigest().encode(), 1))

@@ -11,7 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from . import _arrays
+from . import _arrays, _native
 from ._batches import Batch, conv
 from ._checkpoint import HEADER, save_checkpoint
 
@@ -104,6 +104,8 @@ class VoxelNetwork(nn.Module):
         It is a checkpoint, or a state dict of VGN's network, as safetensors or of ``torch.save``, alone or under ``"state_dict"``,
         ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so VGN's are used: nearest upsampling, and the
         origin 50 mm behind the finger tips, in the lower corner of its voxel.
+
+        Raises DataError if it is a checkpoint that is damaged.
         """
         stated: dict[str, Any] = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
         with open(path, "rb") as file:
@@ -115,6 +117,8 @@ class VoxelNetwork(nn.Module):
 
             with safe_open(os.fspath(path), "pt") as weights:
                 said = weights.metadata() or {}
+                if HEADER in said:
+                    _native.check_checkpoint(os.fspath(path))  # refuses what is not whole
                 # Our checkpoints state an origin only if it is not midway between the tips.
                 midway = {"origin_behind_tips_m": 0.0, "voxel_offset": 0.5}
                 stated |= {**midway, **json.loads(said[HEADER])} if HEADER in said else said

@@ -112,6 +112,18 @@ def rewritten(source, target, change=lambda header: None, drop=()):
     save_file(tensors, target, {"graspmill": json.dumps(stored)})
 
 
+def test_a_bit_that_flipped_in_what_pytorch_wrote_is_noticed(tmp_path):
+    path = tmp_path / "net.safetensors"
+    for network in (gt.Judge.load(MODELS / "judge.safetensors"), gt.VoxelNetwork()):
+        network.save(path)
+        type(network).load(path)
+        raw = bytearray(path.read_bytes())
+        raw[len(raw) // 2] ^= 1
+        path.write_bytes(raw)
+        with pytest.raises(graspmill.DataError, match="file_sha256 of its header must be"):
+            type(network).load(path)
+
+
 def test_what_is_no_judge_is_refused_and_named(tmp_path):
     judge, bad = MODELS / "judge.safetensors", tmp_path / "bad.safetensors"
     refused("architecture must be 'hand-judge-1', a judge's, got 'vgn-conv-40'", lambda: gt.Judge.load(MODELS / "paper-200k.safetensors"))

@@ -20,11 +20,17 @@ const CLOSINGS: &str = "closings-conv-40";
 const JUDGE: &str = "hand-judge-1";
 
 pub(super) const KEY: &str = "graspmill";
+/// What stands in place of a file's digest while that is taken.
+pub(super) const BLANK: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 const MADE_BY: &str = concat!("graspmill trainer ", env!("CARGO_PKG_VERSION"));
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Stored {
+    /// SHA-256 of the file in hex, with [`BLANK`] in its own place; older checkpoints do not say it. First, so that
+    /// nothing like it comes before it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) file_sha256: Option<String>,
     format_version: u32,
     architecture: String,
     /// Of the paper's network.
@@ -64,6 +70,7 @@ pub(super) fn write(checkpoint: &Checkpoint) -> Metadata {
         voxel.map(|params| value(params.origin)).filter(|own| *own != value(GraspOrigin::TIPS))
     };
     let header = Stored {
+        file_sha256: Some(BLANK.to_owned()),
         format_version: FORMAT_VERSION,
         architecture: architecture.to_owned(),
         upsampling: voxel.map(|params| params.upsampling),

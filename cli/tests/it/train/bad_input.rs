@@ -196,6 +196,14 @@ fn a_damaged_checkpoint_is_65_and_a_missing_one_78() {
     let bytes = fs::read(&last).unwrap();
     fs::write(&last, &bytes[..bytes.len() / 2]).unwrap();
     check_fails(&place.fit(&["--resume", "--epochs", "2"]), 65, &["damaged checkpoint", "last.safetensors"]);
+    let mut flipped = bytes.clone();
+    flipped[bytes.len() / 2] ^= 1;
+    fs::write(&last, flipped).unwrap();
+    check_fails(
+        &place.fit(&["--resume", "--epochs", "2"]),
+        65,
+        &["file_sha256 of its header must be", "last.safetensors"],
+    );
     fs::remove_file(place.run.join("best.safetensors")).unwrap();
     check_fails(&["evaluate", "--run", text(&place.run), "--data", text(&place.data)], 78, &["no checkpoint here"]);
 }
