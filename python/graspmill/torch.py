@@ -6,6 +6,7 @@ Needs ``pip install graspmill[torch]``. The samples and the split are those of `
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
 import os
 from typing import Any, Generic, Iterator, Literal, Mapping, TypeVar, cast
 
@@ -145,8 +146,10 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         self.samples_per_scene = _arrays.whole("samples_per_scene", together, 1, self.batch)
         self.buffer_scenes = _arrays.whole("buffer_scenes", buffer_scenes, 1, 1_000_000)
         self.shuffle, self.global_batch = _arrays.flag("shuffle", shuffle), _arrays.flag("global_batch", global_batch)
-        self.seed, self.epoch, self.step = seed, 0, 0
-        self._workers: int | None = None
+        self.seed = seed
+        self._owner: int | None = None  # the process that shares where a pass begins with its workers, in memory
+        self._is_kept = False  # by a worker that has begun a pass
+        self._begin(0, 0, None)
         place = _place(rank, world_size)
         self.rank, self.world_size = place or (0, 1)
         self._is_one_of_several = place is not None or self.global_batch
@@ -166,8 +169,20 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
 
     def set_epoch(self, epoch: int, step: int = 0) -> None:
         """Sets the epoch, from 0, and the step at which it begins; each epoch has another order."""
-        self.epoch = _arrays.whole("epoch", epoch, 0, 2**31)
-        self.step, self._workers = _arrays.whole("step", step, 0, 2**31), None
+        self._begin(_arrays.whole("epoch", epoch, 0, 2**31), _arrays.whole("step", step, 0, 2**31), None)
+
+    def _begin(self, epoch: int, step: int, workers: int | None) -> None:
+        """Sets where the next pass begins, also for workers that were started before (``persistent_workers``)."""
+        self.epoch, self.step, self._workers = epoch, step, workers
+        if self._owner != os.getpid():  # a copy of the stream in another process goes its own way
+            place = torch.empty(3, dtype=torch.int64)
+            self._owner, self._shared = os.getpid(), place.share_memory_()  # type: ignore[no-untyped-call]
+        self._shared.copy_(torch.tensor([epoch, step, -1 if workers is None else workers]))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        # A copy that is no worker's has memory of its own.
+        self._owner = self._owner if self._shared.is_shared() else None
 
     @property
     def sample_count(self) -> int:
@@ -199,7 +214,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
             if (had := state[name]) != value and (name != "ranks" or state["step"]):
                 raise InputError(f"state must be of the same order: {name} must be {_arrays.shown(value)}, got {_arrays.shown(had)}")
         self.set_epoch(state["epoch"], state["step"])
-        self._workers = None if self.global_batch else _arrays.whole("workers", state["workers"], 0, 1024)
+        self._begin(self.epoch, self.step, None if self.global_batch else _arrays.whole("workers", state["workers"], 0, 1024))
 
     def _identity(self) -> dict[str, Any]:
         """What decides the order besides the epoch, the step and the workers."""
@@ -212,6 +227,14 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     def __iter__(self) -> Iterator[_B]:
         worker = torch.utils.data.get_worker_info()
         number, count = (0, 1) if worker is None else (worker.id, worker.num_workers)
+        if self._is_kept:
+            # A worker's second pass: what it knows is from when it was started.
+            parent = multiprocessing.parent_process()
+            is_theirs = parent is not None and parent.pid == self._owner
+            _arrays.must(is_theirs, "persistent_workers needs a call of set_epoch before the first pass, in the process that has the DataLoader")
+            self.epoch, self.step, workers = self._shared.tolist()
+            self._workers = None if workers < 0 else workers
+        self._is_kept = worker is not None
         if self._workers is not None and max(self._workers, 1) != count and self.step:
             raise InputError(f"num_workers must be {self._workers}, that of the state, to go on within an epoch, got {count}")
         order, now = self._order, (self.epoch, self.step, number, count)

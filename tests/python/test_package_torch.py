@@ -85,6 +85,29 @@ def test_a_stream_has_every_sample_once_in_a_seeded_order(dataset, workers):
     assert stored == sorted(first)
 
 
+def test_workers_that_live_on_have_the_order_of_each_epoch(dataset):
+    def loader(stream, lives_on):
+        return torch.utils.data.DataLoader(stream, batch_size=None, num_workers=2, persistent_workers=lives_on)
+
+    def order(batches):
+        return [batch["rotation"].sum().item() for batch in batches]
+
+    stream = gt.GraspStream(dataset, "train", batch=16)
+    anew, living, epochs = loader(stream, False), loader(stream, True), []
+    for epoch in range(3):
+        stream.set_epoch(epoch)
+        epochs.append(order(anew))
+        assert order(living) == epochs[-1]
+    assert epochs[0] != epochs[1] != epochs[2] and len(epochs[0]) > 8
+    # What follows a resumed epoch has its first steps, too.
+    again = gt.GraspStream(dataset, "train", batch=16)
+    again.load_state_dict(stream.state_dict(7, workers=2) | {"epoch": 0})
+    living = loader(again, True)
+    assert order(living) == epochs[0][7:]
+    again.set_epoch(1)
+    assert order(living) == epochs[1]
+
+
 def test_the_last_scene_of_a_stream_may_have_fewer_attempts(tmp_path):
     dataset = graspmill.generate(tmp_path / "data", attempts=90, shards=1, seed=3)
     assert dataset.info["attempts_per_scene"] == 60
