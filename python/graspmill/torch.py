@@ -24,6 +24,7 @@ try:
     import torch
     import torch.distributed
     from torch import Tensor
+    from torch.utils.data._utils.collate import default_collate_fn_map
 except ImportError as error:  # pragma: no cover
     raise ImportError("graspmill.torch needs PyTorch: pip install graspmill[torch]") from error
 
@@ -38,6 +39,16 @@ Split = Literal["train", "test", "test-attempts", "test-scenes", "all"]
 #: Numbers of the sets in the split, by their names.
 _SETS = {"train": 1, "test-attempts": 2, "test-scenes": 3}
 
+
+class _Made(dict[str, Tensor]):
+    """A batch, of which a DataLoader can make no larger one."""
+
+
+def _refuse(*_: Any, **__: Any) -> Any:
+    raise InputError("batch_size must be None, for a stream gives batches: DataLoader(stream, batch_size=None)")
+
+
+default_collate_fn_map[_Made] = _refuse
 
 _B = TypeVar("_B", Batch, GraspCropBatch)
 #: A scene's grid, the rows of its block, and the row of each of its attempts.
@@ -268,7 +279,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     def _together(self, held: list[tuple[NDArray[np.float32], dict[str, NDArray[Any]], NDArray[np.intp]]], drawn: Drawn) -> _B:
         rows = {name: np.concatenate([rows[name][chosen] for _, rows, chosen in held]) for name in held[0][1]}
         scene = np.repeat(np.arange(len(held)), [len(chosen) for *_, chosen in held])
-        batch = self._samples.batch(np.stack([grid for grid, *_ in held]), scene, rows, drawn.mirrored)
+        batch = _Made(self._samples.batch(np.stack([grid for grid, *_ in held]), scene, rows, drawn.mirrored))
         if self._is_one_of_several:
             batch["share"] = torch.tensor([drawn.share], dtype=torch.float32)
         return cast(_B, batch)

@@ -85,6 +85,12 @@ def test_a_stream_has_every_sample_once_in_a_seeded_order(dataset, workers):
     assert stored == sorted(first)
 
 
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_loader_that_would_make_batches_of_batches_is_refused(dataset, workers):
+    loader = torch.utils.data.DataLoader(gt.GraspStream(dataset, "train", batch=16), num_workers=workers)
+    refused("batch_size must be None", lambda: next(iter(loader)))
+
+
 def test_workers_that_live_on_have_the_order_of_each_epoch(dataset):
     def loader(stream, lives_on):
         return torch.utils.data.DataLoader(stream, batch_size=None, num_workers=2, persistent_workers=lives_on)
