@@ -342,7 +342,8 @@ impl Dataset {
     /// An attempt, executed again before the reader's eyes, as a page.
     fn replay_page(&self, py: Python<'_>, scene_id: u64, attempt_id: u32) -> PyResult<String> {
         let dataset = self.read()?;
-        Ok(free(py, || replayed(dataset, AttemptId { scene_id, attempt_id }))?.1.page())
+        let replay = || replayed(dataset, AttemptId { scene_id, attempt_id });
+        Ok(free(py, || on_threads(0, replay)?)?.1.page())
     }
 
     /// The names of outcomes and of what may be hit, in the order of their numbers.

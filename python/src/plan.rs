@@ -77,7 +77,7 @@ impl Planner {
                 None => planner::Planner::built_in(config),
             }
         };
-        Ok(Self { planner: Arc::new(free(py, made)?), threads })
+        Ok(Self { planner: Arc::new(free(py, || on_threads(threads, made)?)?), threads })
     }
 
     /// The workspace of a request, by default the network's: its side in metres, voxels along a side, the table's

@@ -246,6 +246,20 @@ def test_forked_processes_have_threads_of_their_own(dataset):
     assert in_a_child(lambda: (held(), len(graspmill.Dataset(DATASET).attempts().to_arrow()))) == (held(), rows)
 
 
+def test_what_shares_work_does_so_in_a_forked_process_too(dataset, scene):
+    camera = graspmill.Camera.look_at((0.15, 0.15, 0.6))
+
+    def done():
+        depth = scene.render(camera)
+        plans = [graspmill.Planner(config).plan(depth, camera).to_json() for config in ("judge", "paper", "vgn")]
+        stored = dataset[3]
+        crops = graspmill.grasp_crops(stored.tsdf, stored.workspace_from_grasp)
+        return plans, len(stored.replay(0).html), graspmill.tsdf([depth], [camera]).sum(), crops.crop.sum()
+
+    # First in the parent, whose threads the child does not have.
+    assert done() == in_a_child(done)
+
+
 def test_many_calls_keep_no_memory(scene):
     def resident_mb():
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -185,19 +185,55 @@ fn the_robots_program_links_what_planning_needs() {
     assert!(tree.iter().any(|line| line.starts_with("planner ")), "{tree:?}");
 }
 
+/// Whether a file is no test as a whole.
+fn is_product(path: &str) -> bool {
+    // The last injects faults in tests.
+    let is_test = path.starts_with("tests/") || path.ends_with("/tests.rs") || path == "shards/src/store/fault.rs";
+    path.contains("/src/") && path.ends_with(".rs") && !is_test
+}
+
 /// What a command needs of another is a call: exit codes and printed text are for people and schedulers.
 #[test]
 fn no_crate_starts_a_process() {
-    // The last injects faults in tests.
-    let is_test =
-        |path: &str| path.starts_with("tests/") || path.ends_with("/tests.rs") || path == "shards/src/store/fault.rs";
-    let is_product = |path: &str| path.contains("/src/") && path.ends_with(".rs") && !is_test(path);
     let problems: Vec<String> = files(is_product)
         .iter()
         .filter(|file| halves(&file.path, &file.text).0.contains("process::Command"))
         .map(|file| format!("{} starts a process", file.path))
         .collect();
     assert_none("processes", &problems);
+}
+
+/// Calls from Python, by file, whose work no threads share: who adds one knows that nothing below it uses rayon.
+const ALONE: &[(&str, usize)] = &[
+    ("python/src/dataset.rs", 7),
+    ("python/src/experiment.rs", 1),
+    ("python/src/fault.rs", 1),
+    ("python/src/plan.rs", 2),
+    ("python/src/pool.rs", 2),
+    ("python/src/programs.rs", 3),
+    ("python/src/scene.rs", 1),
+];
+
+/// The process's threads do not outlive a fork, as of PyTorch's workers: a child that shares work among them waits for
+/// ever. So only programs use them, and the package has threads of its own.
+#[test]
+fn the_package_has_threads_of_its_own() {
+    let mut problems = Vec::new();
+    for file in files(is_product) {
+        let code = halves(&file.path, &file.text).0;
+        let count = |words: &[&str]| words.iter().map(|words| code.matches(*words).count()).sum::<usize>();
+        let is_program = file.path.starts_with("cli/") || file.path == "program/src/start.rs";
+        if !is_program && count(&["build_global", "start_threads(", "rayon::spawn(", "rayon::scope("]) > 0 {
+            problems.push(format!("{} uses the threads of the process", file.path));
+        }
+        let alone = count(&["free(py, ", "detached(py, "]).saturating_sub(count(&["on_threads("]));
+        let known = ALONE.iter().find(|(path, _)| *path == file.path).map_or(0, |(_, known)| *known);
+        if alone != known {
+            let path = &file.path;
+            problems.push(format!("{path}: {alone} calls without on_threads, {known} are known to need no threads"));
+        }
+    }
+    assert_none("threads", &problems);
 }
 
 #[test]
