@@ -70,8 +70,11 @@ pub enum Observation {
     },
 }
 
-/// A TSDF does not say from how many views it was made; a judge is given this number.
-const VIEWS_OF_A_TSDF: usize = 6;
+/// The most views with which judges have learned. A judge is given the number of views; one that is told of more
+/// believes what nobody taught it, and takes hands for worse with each image. A TSDF does not say how many it has.
+const VIEWS_MAX: usize = 6;
+/// A view from nearer than this to another one shows the same.
+const SAME_EYE_M: f32 = 0.05;
 
 impl Observation {
     /// The depth images; those of a cloud or a TSDF are not known.
@@ -83,13 +86,21 @@ impl Observation {
         }
     }
 
-    /// The number of views, as far as it is known.
+    /// The number of views that show something new, as judges know it, and as far as it is known.
     pub(crate) fn views(&self) -> usize {
-        match self {
-            Self::Views(views) => views.len(),
-            Self::Tsdf(_) => VIEWS_OF_A_TSDF,
-            Self::Cloud { eyes_m, .. } => eyes_m.len().max(1),
+        let eye_of = |view: &View| view.camera.workspace_from_camera.translation;
+        let eyes_m: Vec<Vec3> = match self {
+            Self::Views(views) => views.iter().map(eye_of).collect(),
+            Self::Tsdf(_) => return VIEWS_MAX,
+            Self::Cloud { eyes_m, .. } => eyes_m.clone(),
+        };
+        let mut apart_m: Vec<Vec3> = Vec::new();
+        for eye_m in eyes_m {
+            if apart_m.iter().all(|other_m| (eye_m - *other_m).length() >= SAME_EYE_M) {
+                apart_m.push(eye_m);
+            }
         }
+        apart_m.len().clamp(1, VIEWS_MAX)
     }
 }
 
@@ -232,4 +243,32 @@ pub enum Target {
     Masks(Vec<Option<Mask>>),
     /// What these points of its surface are on, in metres, in the frame of the observation.
     Points(Vec<Vec3>),
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::Intrinsics;
+
+    use super::*;
+
+    #[test]
+    fn a_judge_is_told_of_views_that_add_something_and_of_no_more_than_it_knows() {
+        let views_from = |eyes_m: &[Vec3]| {
+            let view = |eye_m: &Vec3| {
+                let workspace_from_camera = Pose::from_parts(*eye_m, WRIST_DOWN);
+                let image = DepthImage { width_px: 0, height_px: 0, depth_m: Vec::new() };
+                View::new(image, Camera { intrinsics: Intrinsics::VGN, workspace_from_camera })
+            };
+            let views = Observation::Views(eyes_m.iter().map(view).collect()).views();
+            let cloud = Observation::Cloud { points_m: Vec::new(), eyes_m: eyes_m.to_vec() };
+            assert_eq!(views, cloud.views());
+            views
+        };
+        let along = |count: u8, step_m: f32| -> Vec<Vec3> {
+            (0..count).map(|number| Vec3::new(f32::from(number) * step_m, 0.0, 0.5)).collect()
+        };
+        assert_eq!([0, 1, 2, 6, 7, 32].map(|count| views_from(&along(count, 0.1))), [1, 1, 2, 6, 6, 6]);
+        assert_eq!([2, 32].map(|count| views_from(&along(count, 0.0))), [1, 1], "a camera that stands still");
+        assert_eq!(views_from(&along(32, 0.004)), 3, "one that moves by 124 mm");
+    }
 }

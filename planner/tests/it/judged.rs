@@ -63,6 +63,19 @@ fn a_judge_gives_grasps_that_it_expects_to_hold_and_says_what_it_expects_of_othe
 }
 
 #[test]
+fn many_images_give_as_many_grasps_as_few() {
+    let planner = judge(config());
+    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
+    let Observation::Views(views) = observation else { panic!("the demo has images") };
+    let grasps_of = |times: usize| {
+        let views: Vec<_> = (0..times).flat_map(|_| views.clone()).collect();
+        planner.plan(&Observation::Views(views), &PlanOptions::default()).unwrap().grasps.len()
+    };
+    let (few, many) = (grasps_of(1), grasps_of(10));
+    assert!(few > 5 && 3 * many >= 2 * few, "{few} and {many}");
+}
+
+#[test]
 fn answers_that_are_not_numbers_are_no_grasps() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("overflowing.safetensors");
