@@ -81,7 +81,7 @@ def test_a_graspgen_file_says_how_its_gripper_is_turned(tmp_path, shape):
 def test_the_tips_of_graspgens_own_grippers_are_those_of_its_meshes(tmp_path):
     path = saved(one_above(), tmp_path, "graspgen")
     told = json.loads(path.read_text())
-    known = ("franka_panda", 0.10527314, 0.1122), ("franka_panda", None, 0.1122), ("robotiq_2f_140", 0.195, 0.212), ("rg6", 0.2, 0.2)
+    known = ("franka_panda", 0.10527314, 0.1122), ("franka_panda", None, 0.1122), ("robotiq_2f_140", 0.195, 0.212), ("rg6", 0.2, 0.2), ("franka_panda", 0.0, 0.0)
     for name, depth_m, tips_m in known:
         told["gripper"] = {"name": name, "depth": depth_m}
         path.write_text(json.dumps(told))

@@ -13,7 +13,8 @@ from .._files import loaded_json
 from ._parts import GripperFrame, about, from_base, gripper_name, labelled, opening_m, to_base, word
 
 WHAT = "JSON"
-#: From the base to the tips of its own grippers, in metres, by its meshes: its ``depth`` ends between the pads.
+#: From the base to the tips of its own grippers, in metres, by its meshes: its ``depth`` ends between the pads. A depth
+#: that is further off is another's, such as 0 for an origin at the tips.
 TIPS_M = {"franka_panda": 0.1122, "robotiq_2f_140": 0.212}
 #: GraspGen's frame, in which a gripper closes along x, in that of the poses: a matrix, or position and quaternion.
 OFFSET = "transform_offset_from_asset_to_graspgen_convention"
@@ -24,7 +25,8 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
     thing, grasps = _arrays.table("object", _arrays.entry("object", data)), _arrays.table("grasps", _arrays.entry("grasps", data))
     gripper = _arrays.table("gripper", data.get("gripper", {}))
     depth_m = None if gripper.get("depth") is None else _arrays.number("gripper.depth", gripper["depth"], 0.0, 10.0)
-    base_m = given.known_m(max(filter(None, (depth_m, TIPS_M.get(str(gripper.get("name"))))), default=depth_m), "the file")
+    tips_m = TIPS_M.get(str(gripper.get("name")), depth_m)
+    base_m = given.known_m(tips_m if depth_m is None or abs((tips_m or 0.0) - depth_m) < 0.02 else depth_m, "the file")
     flat = np.hstack([*(gripper.get(OFFSET) or np.eye(4))])
     offset = _arrays.pose(f"gripper.{OFFSET}", flat.reshape(4, 4) if flat.size == 16 else flat)
     bases = _arrays.rigid("grasps.transforms", _arrays.entry("grasps.transforms", grasps), GRASPS_MAX) @ _arrays.matrices([offset])
