@@ -15,6 +15,8 @@ use crate::stepper::{Stepper, Turning};
 use crate::watch::{Moment, Phase, Watcher};
 use crate::{Body, Obstruction, Scene, SceneObject};
 
+/// A clearance is measured up to this, and as far into the object, in metres.
+const CLEARANCE_M_MAX: f32 = 0.02;
 /// The table of a floating object is this far below it.
 const FAR_M: f32 = 1e3;
 /// A pull comes up to its strength in this time, so that it is no blow.
@@ -187,6 +189,27 @@ impl<'a> FloatingWorld<'a> {
     #[must_use]
     pub fn is_reached(&self, object_from_grasp: &Pose) -> bool {
         self.world.gate.blocked(object_from_grasp, 0).is_none()
+    }
+
+    /// How near the open gripper comes to the object, at a grasp in the object's frame and on its straight way there,
+    /// in metres: by so much its boxes could grow on every side before they touch; below 0 how deep they are in it.
+    /// Between -0.02 and 0.02, to 0.04 mm.
+    #[must_use]
+    pub fn clearance_m(&self, object_from_grasp: &Pose) -> f32 {
+        let grown_m = self.world.gripper.clearance_m;
+        let ends_m = [-CLEARANCE_M_MAX - grown_m, CLEARANCE_M_MAX - grown_m];
+        self.world.gate.room_m(object_from_grasp, 0, ends_m) + grown_m
+    }
+
+    /// A grasp whose way the object is in, as it is once the object, which is free, was pushed aside by as little as
+    /// frees the way, and how far that was, in metres: across the approach or along it, in steps of 0.5 mm. `None` if
+    /// `most_m` is not enough.
+    #[must_use]
+    pub fn pushed_aside(&self, object_from_grasp: &Pose, most_m: f32) -> Option<(Pose, f32)> {
+        let way_m = self.world.gate.way_aside_m(object_from_grasp, 0, most_m)?;
+        let aside = *object_from_grasp * Pose::from_translation(way_m);
+        // At the edge of the last step rounding decides.
+        self.is_reached(&aside).then(|| (aside, way_m.abs().max_element()))
     }
 
     /// What blocks the gripper on its way to a grasp, in the object's frame; `None` if nothing does.
@@ -366,7 +389,7 @@ impl Shake {
 mod tests {
     use core::f32::consts::PI;
 
-    use schema::{ShapeKind, Solid};
+    use schema::{ShapeKind, Solid, axis_angle};
 
     use super::*;
     use crate::stepper::Jaws;
@@ -513,5 +536,52 @@ mod tests {
         assert_eq!(ends(Vec3::new(0.0, 0.0, -0.1)), Outcome::Empty);
         assert_eq!(ends(Vec3::new(0.0, 0.03, 0.0)), Outcome::ApproachCollision);
         assert_eq!(ends(Vec3::new(0.0, 0.03, 0.05)), Outcome::PregraspCollision);
+    }
+
+    /// The block is 40 mm wide between fingers that are 80 mm apart, 5 mm behind their tips and 25 mm before the palm.
+    #[test]
+    fn a_clearance_is_the_gap_beside_the_block_or_how_deep_a_finger_is_in_it() {
+        let (gripper, procedure) = (parallel_jaw(), Procedure::PAPER);
+        let world = FloatingWorld::new(&Physics::STANDARD, &gripper, &procedure, &block(), 0.1, 1.0);
+        let beside = |y_m: f32| Pose::from_translation(Vec3::new(0.0, y_m, 0.015));
+        let over = Pose::from_translation(Vec3::new(0.0, 0.0, 0.03));
+        for (pose, expected_m) in [
+            (beside(0.015), 0.005),
+            (beside(-0.015), 0.005),
+            (beside(0.0195), 0.0005),
+            (beside(0.023), -0.003),
+            (beside(0.028), -0.008),
+            (over, 0.01),
+            (beside(0.0), CLEARANCE_M_MAX),
+            (Pose::from_translation(Vec3::Z * -0.5), CLEARANCE_M_MAX),
+            (Pose::from_translation(Vec3::new(0.0, 0.045, 0.06)), -CLEARANCE_M_MAX),
+        ] {
+            let got_m = world.clearance_m(&pose);
+            assert!((got_m - expected_m).abs() < 1e-4, "{got_m} for {expected_m} m");
+            assert!(
+                (got_m - gripper.clearance_m).abs() < 1e-4 || (got_m > gripper.clearance_m) == world.is_reached(&pose)
+            );
+        }
+    }
+
+    #[test]
+    fn a_block_that_is_touched_by_little_is_pushed_aside_by_as_little() {
+        let (gripper, procedure) = (parallel_jaw(), Procedure::PAPER);
+        let world = FloatingWorld::new(&Physics::STANDARD, &gripper, &procedure, &block(), 0.1, 1.0);
+        // The finger is 1.3 mm in the block, and is to be 1 mm beside it: a step short of 2.3 mm is 2 mm.
+        for (side, turn) in [(1.0, 0.0), (-1.0, 0.0), (1.0, PI), (-1.0, PI)] {
+            let at_m = Vec3::new(0.0, side * 0.0213, 0.015);
+            let grasp = Pose::from_parts(at_m, axis_angle(Vec3::Z, turn));
+            assert_eq!(world.close(&grasp).map_err(|end| end.outcome).err(), Some(Outcome::ApproachCollision));
+            assert!(world.pushed_aside(&grasp, 0.002).is_none() && world.pushed_aside(&grasp, 0.0).is_none());
+            let (aside, pushed_m) = world.pushed_aside(&grasp, 0.003).unwrap();
+            assert_eq!(pushed_m, 0.0025);
+            let expected_m = at_m - Vec3::Y * (side * 0.0025);
+            assert!((aside.translation - expected_m).length() < 1e-6, "{} {side} {turn}", aside.translation);
+            assert!(world.close(&aside).is_ok_and(|grip| (grip.width_m() - 0.04).abs() < 1e-3));
+        }
+        // A palm that is 0.7 mm in the block stops 1 mm before it: the block goes on before it.
+        let (aside, pushed_m) = world.pushed_aside(&Pose::from_translation(Vec3::Z * 0.0407), 0.003).unwrap();
+        assert!((aside.translation.z - 0.0387).abs() < 1e-6 && pushed_m == 0.002, "{aside:?} {pushed_m}");
     }
 }

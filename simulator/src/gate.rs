@@ -36,6 +36,9 @@ impl Hit {
 const COVER_M: f32 = 0.5;
 /// So many halvings of a way give a thousandth of it.
 const FINE: usize = 10;
+/// Whereto a gripper may give way to an object, in the frame of the grasp: to the sides, or back; and steps a metre.
+const ASIDE: [Vec3; 5] = [Vec3::Y, Vec3::NEG_Y, Vec3::X, Vec3::NEG_X, Vec3::NEG_Z];
+const ASIDE_STEPS: f32 = 2_000.0;
 
 /// Parts in their frame, and where that is in the workspace.
 type Obstacle = (Vec<TestedPart>, Pose);
@@ -94,6 +97,37 @@ impl Gate {
             return Some(2.0 * way_m);
         }
         free(0.0).then(|| halved(1.0, FINE, free)[0] * 2.0 * way_m)
+    }
+
+    /// By how much the boxes of the whole way can grow before they touch an object, in metres, between two ends, to a
+    /// thousandth of what lies between them. Below 0 it is how far they overlap along the axis that parts them first:
+    /// there, a box may shrink beyond its middle.
+    pub(crate) fn room_m(&self, workspace_from_grasp: &Pose, object_id: usize, [least_m, most_m]: [f32; 2]) -> f32 {
+        let near = self.near(workspace_from_grasp, object_id, most_m);
+        let is_free = |more_m: f32| !overlap(&near, &self.grown(least_m + more_m));
+        if near.is_empty() { most_m } else { least_m + halved(most_m - least_m, FINE, is_free)[0] }
+    }
+
+    /// The shortest way to the side or back, in the frame of the grasp, that frees a gripper from an object that it
+    /// touches, in steps of half a millimetre; `None` if `most_m` is not enough.
+    pub(crate) fn way_aside_m(&self, workspace_from_grasp: &Pose, object_id: usize, most_m: f32) -> Option<Vec3> {
+        let near = self.near(workspace_from_grasp, object_id, most_m);
+        let is_free = |way_m: &Vec3| {
+            let moved: Vec<GripperBox> = self.approach.iter().map(|b| b.moved(*way_m)).collect();
+            !overlap(&near, &moved)
+        };
+        // 0.003 times 2,000 may be a little less than 6.
+        let steps = (most_m * ASIDE_STEPS + 0.01) as u16;
+        (1..=steps).flat_map(|step| ASIDE.map(|along| along * (f32::from(step) / ASIDE_STEPS))).find(is_free)
+    }
+
+    /// The parts of an object, in the frame of a grasp, that the boxes of the whole way overlap when they have grown.
+    fn near(&self, workspace_from_grasp: &Pose, object_id: usize, margin_m: f32) -> Vec<PlacedPart> {
+        self.overlapped(Some(object_id), workspace_from_grasp, &self.grown(margin_m)).collect()
+    }
+
+    fn grown(&self, margin_m: f32) -> Vec<GripperBox> {
+        self.approach.iter().map(|b| b.grown(margin_m)).collect()
     }
 
     /// The boxes, grown, and swept from the pre-grasp over twice `half_way_m`.
@@ -212,6 +246,10 @@ pub(crate) fn halved(most: f32, halvings: usize, is_free: impl Fn(f32) -> bool) 
         *if is_free(middle) { &mut low } else { &mut high } = middle;
     }
     [low, high]
+}
+
+fn overlap(parts: &[PlacedPart], boxes: &[GripperBox]) -> bool {
+    parts.iter().any(|part| boxes.iter().any(|b| part.overlaps(b)))
 }
 
 fn placed(hulls: &[TestedPart], pose: &Pose) -> Vec<PlacedPart> {
