@@ -15,7 +15,8 @@ mod surface;
 
 use rayon::prelude::*;
 use schema::{
-    GraspSource, GripperBox, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream, Vec3,
+    GraspSource, Gripper, GripperBox, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream,
+    Vec3,
 };
 use simulator::{FloatingWorld, Grip, Hold, Load, Motion};
 
@@ -54,7 +55,8 @@ pub fn annotate(
     params: &AnnotateParams,
     on_grasps: &mut dyn FnMut(usize) -> bool,
 ) -> Option<ObjectGrasps> {
-    let bench = Bench::new(annotated, params);
+    let repeated = params.repeated();
+    let bench = Bench::new(annotated, params, &repeated);
     let draw = bench.draw();
     let mut supply = Supply::new(&draw);
     let mut grasps = Vec::new();
@@ -84,7 +86,8 @@ pub fn relabel(
     object_from_grasps: &[Pose],
     on_grasps: &mut dyn FnMut(usize) -> bool,
 ) -> Option<ObjectGrasps> {
-    let bench = Bench::new(annotated, params);
+    let repeated = params.repeated();
+    let bench = Bench::new(annotated, params, &repeated);
     let label = |(number, pose): (usize, &Pose)| {
         let in_body = Pose::from_parts(pose.translation - annotated.origin_m, pose.rotation);
         bench.labelled(number as u64, in_body, GraspSource::Given)
@@ -109,6 +112,8 @@ struct Bench<'a> {
     params: &'a AnnotateParams,
     surface: Surface,
     world: FloatingWorld<'a>,
+    /// Those of its repeats, by turns.
+    repeated: Vec<FloatingWorld<'a>>,
     loads: Vec<Load>,
     stable: Vec<StablePose>,
     /// Of a contact between finger and object.
@@ -116,13 +121,18 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    fn new(annotated: &'a Annotated, params: &'a AnnotateParams) -> Self {
+    fn new(annotated: &'a Annotated, params: &'a AnnotateParams, repeated: &'a [(Gripper, f32)]) -> Self {
         let CatalogueObject { body, mass_kg, friction, .. } = &annotated.object;
+        let world = |gripper: &'a Gripper, times: f32| {
+            FloatingWorld::new(&PHYSICS, gripper, &PROCEDURE, body, mass_kg * times, *friction)
+        };
+        let repeated = repeated.iter().take(params.repeats as usize);
         Self {
             annotated,
             params,
             surface: Surface::of(body),
-            world: FloatingWorld::new(&PHYSICS, &params.gripper, &PROCEDURE, body, *mass_kg, *friction),
+            world: world(&params.gripper, 1.0),
+            repeated: repeated.map(|(gripper, times)| world(gripper, *times)).collect(),
             loads: loads(params.test, &params.gripper),
             stable: stable_poses(&annotated.object, params.seed, params.drops),
             friction: params.gripper.friction * friction,
@@ -146,7 +156,7 @@ impl<'a> Bench<'a> {
             closing: None,
             test: None,
             margins: None,
-            robust_share: None,
+            p_held: None,
             is_free_on_table: Vec::new(),
         };
         match &closed {
@@ -161,9 +171,12 @@ impl<'a> Bench<'a> {
                 if is_held {
                     grasp.outcome = Outcome::Held;
                     grasp.margins = self.params.margins.then(|| self.margins(grip));
-                    grasp.robust_share = self.robust_share(number, &pose);
                 }
             }
+        }
+        let is_held = grasp.outcome == Outcome::Held;
+        if is_held || !self.params.is_held_only {
+            grasp.p_held = self.p_held(number, &pose, is_held);
         }
         grasp.is_free_on_table = self.stable.iter().map(|stable| self.is_free(stable, &pose)).collect();
         grasp
@@ -219,16 +232,28 @@ impl<'a> Bench<'a> {
         Margins { friction_min, tug_max_g }
     }
 
-    /// The share of the moved repeats that hold.
-    fn robust_share(&self, number: u64, pose: &Pose) -> Option<f32> {
-        let AnnotateParams { repeats, position_error_m, rotation_error_rad, seed, .. } = *self.params;
-        let held = (0..repeats).filter(|repeat| {
-            let mut stream = Stream::new(seed, number, Purpose::Annotation, 2 + repeat);
-            let moved = moved_by_errors(pose, position_error_m, rotation_error_rad, &mut stream);
-            self.world.close(&moved).is_ok_and(|grip| self.bears(&grip).0)
-        });
-        let held = held.count() as f32;
-        (repeats > 0).then(|| held / repeats as f32)
+    /// The share of a grasp's repeats that hold. Few are made where all end as the grasp did: most hold whatever the
+    /// errors, or never do.
+    fn p_held(&self, number: u64, pose: &Pose, is_held: bool) -> Option<f32> {
+        let AnnotateParams { repeats, repeats_min, .. } = *self.params;
+        let (mut made, mut others) = (0, 0);
+        while made < repeats && (made < repeats_min || others > 0) {
+            others += u32::from(self.holds_again(number, pose, made) != is_held);
+            made += 1;
+        }
+        let held = if is_held { made - others } else { others };
+        (made > 0).then(|| held as f32 / made as f32)
+    }
+
+    /// Whether a repeat of a grasp holds. The pose errs in each second one as far to the other side: few repeats say
+    /// more so.
+    fn holds_again(&self, number: u64, pose: &Pose, repeat: u32) -> bool {
+        let AnnotateParams { position_error_m, rotation_error_rad, seed, .. } = *self.params;
+        let mut stream = Stream::new(seed, number, Purpose::Annotation, 2 + repeat / 2);
+        let side = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let moved = moved_by_errors(pose, side * position_error_m, side * rotation_error_rad, &mut stream);
+        let world = &self.repeated[repeat as usize % self.repeated.len()];
+        world.close(&moved).is_ok_and(|grip| self.bears(&grip).0)
     }
 
     /// Whether the gripper stays off the table on its way to a grasp.
@@ -332,7 +357,7 @@ mod tests {
     }
 
     fn few(grasps: usize) -> AnnotateParams {
-        AnnotateParams { grasps, drops: 0, ..AnnotateParams::default() }
+        AnnotateParams { grasps, drops: 0, repeats: 0, ..AnnotateParams::default() }
     }
 
     fn all(annotated: &Annotated, params: &AnnotateParams) -> ObjectGrasps {
@@ -382,6 +407,42 @@ mod tests {
         let params = AnnotateParams { shares: GraspShares { antipodal: 1.0, normal: 0.0, displaced: 0.0 }, ..few(50) };
         let set = all(&object, &params);
         assert_eq!((set.grasps.len(), set.coverage), (0, None));
+    }
+
+    /// Without errors that is the label; with each of them fewer hold, and no label changes.
+    #[test]
+    fn p_held_is_the_share_of_repeats_with_errors_of_every_kind() {
+        let object = annotated(ell(), 0.3, 0.5);
+        let (one, exact) = ([1.0; 2], AnnotateParams { position_error_m: 0.0, rotation_error_rad: 0.0, ..few(100) });
+        let plain =
+            AnnotateParams { repeats: 12, friction_factors: one, mass_factors: one, force_factors: one, ..exact };
+        let set = all(&object, &plain);
+        assert!(set.count(Outcome::Held) > 40, "{}", set.count(Outcome::Held));
+        // A rotation is rounded once more, which a grasp on the verge feels.
+        let is_label = |grasp: &&ObjectGrasp| grasp.p_held == Some(f32::from(grasp.outcome.label()));
+        assert!(set.grasps.iter().filter(is_label).count() >= 99);
+        let outcomes = |set: &ObjectGrasps| set.grasps.iter().map(|grasp| grasp.outcome).collect::<Vec<_>>();
+        let sum = |set: &ObjectGrasps| set.grasps.iter().filter_map(|grasp| grasp.p_held).sum::<f32>();
+        for (what, params) in [
+            ("position", AnnotateParams { position_error_m: 0.02, ..plain.clone() }),
+            ("rotation", AnnotateParams { rotation_error_rad: 0.5, ..plain.clone() }),
+            ("friction", AnnotateParams { friction_factors: [0.05, 1.0], ..plain.clone() }),
+            ("mass", AnnotateParams { mass_factors: [1.0, 20.0], ..plain.clone() }),
+            ("force", AnnotateParams { force_factors: [0.05, 1.0], ..plain.clone() }),
+        ] {
+            let harder = all(&object, &params);
+            assert_eq!(outcomes(&harder), outcomes(&set), "{what}");
+            assert!(sum(&harder) < 0.9 * sum(&set), "{what}: {} of {}", sum(&harder), sum(&set));
+            // Of four that end as the grasp itself, or of twelve.
+            let are_twelfths = |grasp: &ObjectGrasp| {
+                let count = 12.0 * grasp.p_held.unwrap();
+                (count - count.round()).abs() < 1e-4
+            };
+            assert!(harder.grasps.iter().all(are_twelfths), "{what}");
+        }
+        let kept = all(&object, &AnnotateParams { is_held_only: true, repeats: 3, ..few(30) });
+        assert!(kept.grasps.iter().all(|grasp| grasp.p_held.is_some()));
+        assert!(all(&object, &few(30)).grasps.iter().all(|grasp| grasp.p_held.is_none()));
     }
 
     /// 2 μ F = m a: with the grip in the middle of a block, in every direction but that of closing.

@@ -60,7 +60,7 @@ pub fn grasp_columns(set: &ObjectGrasps) -> Vec<(&'static str, PlainColumn)> {
         ("test_turned_rad", real(&|g| g.test.map(|motion| motion.1))),
         ("friction_min", real(&|g| g.margins?.friction_min)),
         ("tug_max_g", real(&|g| g.margins.map(|margins| margins.tug_max_g))),
-        ("robust_share", real(&|g| g.robust_share)),
+        ("p_held", real(&|g| g.p_held)),
         ("free_on_table", whole(&free_poses)),
         ("free_on_table_share", real(&|g| free_share(g, &set.stable_poses))),
     ]);
@@ -91,6 +91,7 @@ pub(super) fn free_share(grasp: &ObjectGrasp, poses: &[StablePose]) -> Option<f3
 pub fn grasps_info(set: &ObjectGrasps) -> Value {
     let outcomes = Outcome::ALL.map(|outcome| (outcome.name().to_owned(), json!(set.count(outcome))));
     let outcomes: serde_json::Map<String, Value> = outcomes.into_iter().collect();
+    let shares: Vec<f32> = set.grasps.iter().filter_map(|grasp| grasp.p_held).collect();
     let pose = |stable: &StablePose| {
         let Pose { translation, rotation, .. } = stable.table_from_object;
         json!({
@@ -116,6 +117,7 @@ pub fn grasps_info(set: &ObjectGrasps) -> Value {
         "base_to_tips_m": set.gripper.base_to_tips_m(),
         "grasps": set.grasps.len(),
         "outcomes": outcomes,
+        "p_held": (!shares.is_empty()).then(|| shares.iter().sum::<f32>() / shares.len() as f32),
         "coverage": set.coverage,
         "stable_poses": set.stable_poses.iter().map(pose).collect::<Vec<_>>(),
     })

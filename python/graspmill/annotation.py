@@ -18,7 +18,7 @@ from .scene import Object, _simulation
 def annotate(
     object: Object | str | os.PathLike[str] | Any, *, gripper: GripperLike | None = None, grasps: int = 2_000,
     given: ArrayLike | None = None, held_only: bool = False, test: str = "lift",
-    shares: tuple[float, float, float] = (0.8, 0.1, 0.1), margins: bool = False, repeats: int = 0, drops: int = 100,
+    shares: tuple[float, float, float] = (0.8, 0.1, 0.1), margins: bool = False, repeats: int = 12, drops: int = 100,
     scale: float | None = None, seed: int = 1, threads: int | None = None, progress: Callable[[int], None] | None = None,
 ) -> ObjectGrasps:  # fmt: skip
     """Draws grasps over the whole surface of an object that floats, executes each, and says how it ended: in the frame of the
@@ -33,7 +33,8 @@ def annotate(
         test: What the object must bear: ``lift``, ``turn``, ``tug`` or ``shake``.
         shares: Shares of antipodal, normal and displaced grasps.
         margins: Whether to measure the smallest friction and the strongest pull of each that holds.
-        repeats: Number of moved repeats of each that holds; ``drops`` is that of drops that find the object's stable poses.
+        repeats: Most repeats of each, with errors of pose, friction, mass and force: four where all end alike, 0 for none. ``drops`` is
+            the number of drops that find the object's stable poses.
         scale: Metres per unit of a mesh; by default guessed from its size.
         seed: Seed of every draw; ``threads`` is the number of threads, by default one per core.
         progress: Is told how many grasps there are; an exception that it raises stops the work.

@@ -55,8 +55,8 @@ pub struct ObjectGrasp {
     pub test: Option<(f32, f32)>,
     /// How much it bears, if it was held and that was asked for.
     pub margins: Option<Margins>,
-    /// Of the repeats of a grasp that held, moved as a calibration's errors would, the share that held.
-    pub robust_share: Option<f32>,
+    /// Of its repeats with errors of pose, friction, mass and force, whether it held or not, the share that held.
+    pub p_held: Option<f32>,
     /// Whether the gripper stays off the table on its way to it, for each of the object's stable poses.
     pub is_free_on_table: Vec<bool>,
 }

@@ -59,7 +59,7 @@ pub enum Purpose {
     /// Which scenes' attempts are repeated (slot 0), and how the repeats are moved (slot 1 + attempt).
     Robustness = 22,
     /// Grasps of an object alone (the scene slot carries the candidate; the try is 0 for where it is, 1 for how it is
-    /// moved, 2 + n for its n-th repeat), and drops of the object (try [`u32::MAX`]).
+    /// moved, 2 + n for its n-th two repeats), and drops of the object (try [`u32::MAX`]).
     Annotation = 23,
 }
 

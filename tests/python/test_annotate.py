@@ -31,7 +31,7 @@ def test_grasps_are_those_of_the_program(tmp_path):
     packaged("objects", "annotate", mesh, "--scale", "0.001", "--gripper", "franka_hand", "--margins", *words, "--out", tmp_path / "out")
     stored = graspmill.ObjectGrasps.load(tmp_path / "out" / "brick.parquet")
     assert len(made) == len(stored) == 60
-    for name in ("object_from_grasp", "width_m", "contacts_m", "normals", "closing_moved_m", "test_turned_rad", "friction_min", "tug_max_g"):
+    for name in ("object_from_grasp", "width_m", "contacts_m", "normals", "closing_moved_m", "test_turned_rad", "friction_min", "tug_max_g", "p_held"):
         np.testing.assert_allclose(getattr(made, name), getattr(stored, name), atol=1e-6, err_msg=name)
     for name in ("outcome", "source", "held", "is_free_on_table"):
         assert np.array_equal(getattr(made, name), getattr(stored, name)), name

@@ -160,7 +160,7 @@ def test_a_set_of_the_program_is_its_parquet(annotated):
     number = {None: np.nan}
     for at, row in enumerate(rows):
         assert np.allclose(grasps.object_from_grasp[at, :3, 3], [row["x_m"], row["y_m"], row["z_m"]])
-        for ours in ("width_m", "closing_moved_m", "test_turned_rad", "friction_min", "tug_max_g", "robust_share"):
+        for ours in ("width_m", "closing_moved_m", "test_turned_rad", "friction_min", "tug_max_g", "p_held"):
             assert np.array_equal(getattr(grasps, ours)[at], number.get(row[ours], row[ours]), equal_nan=True), ours
         right = [row[f"right_{axis}_m"] for axis in "xyz"]
         assert np.array_equal(grasps.contacts_m[at, 1], [number.get(one, one) for one in right], equal_nan=True)

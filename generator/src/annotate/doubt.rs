@@ -136,7 +136,7 @@ mod tests {
 
     fn params() -> AnnotateParams {
         let shares = GraspShares { antipodal: 1.0, normal: 0.0, displaced: 0.0 };
-        AnnotateParams { grasps: 60, drops: 0, shares, ..AnnotateParams::default() }
+        AnnotateParams { grasps: 60, drops: 0, repeats: 0, shares, ..AnnotateParams::default() }
     }
 
     fn grasps(object: &Annotated) -> Vec<Pose> {

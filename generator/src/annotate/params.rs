@@ -31,17 +31,37 @@ pub struct AnnotateParams {
     pub test: GripTest,
     /// Whether to measure how much each grip bears.
     pub margins: bool,
-    /// Repeats of a grasp that held, each moved: position and rotation by normal errors of these standard deviations
-    /// along and about each axis.
+    /// Most repeats of a grasp, with the errors below; 0 for none.
     pub repeats: u32,
-    /// In metres.
+    /// So many are enough where all of them end as the grasp itself did.
+    pub repeats_min: u32,
+    /// Errors of a grasp's position are normal, with this standard deviation along each axis, in metres …
     pub position_error_m: f32,
-    /// In radians.
+    /// … and those of its rotation with this one about each axis, in radians.
     pub rotation_error_rad: f32,
+    /// The friction is one of these times as much …
+    pub friction_factors: [f32; 2],
+    /// … the object's mass one of these …
+    pub mass_factors: [f32; 2],
+    /// … and the force with which the gripper closes one of these.
+    pub force_factors: [f32; 2],
     /// Drops that find an object's stable poses; 0 for none.
     pub drops: u32,
     /// Seed of every draw.
     pub seed: u64,
+}
+
+impl AnnotateParams {
+    /// The gripper of each four repeats, and how many times as heavy the object is: of any two of friction, force and
+    /// mass all four pairs (half of a factorial design).
+    pub(super) fn repeated(&self) -> [(Gripper, f32); 4] {
+        [[0, 0, 1], [1, 1, 1], [0, 1, 0], [1, 0, 0]].map(|[friction, force, mass]: [usize; 3]| {
+            let mut gripper = self.gripper.clone();
+            gripper.friction *= self.friction_factors[friction];
+            gripper.finger_force_n *= self.force_factors[force];
+            (gripper, self.mass_factors[mass])
+        })
+    }
 }
 
 /// An object to be annotated.
@@ -71,9 +91,15 @@ impl Default for AnnotateParams {
             shares: GraspShares { antipodal: 0.8, normal: 0.1, displaced: 0.1 },
             test: GripTest::Lift,
             margins: false,
-            repeats: 0,
-            position_error_m: 0.002,
+            repeats: 12,
+            repeats_min: 4,
+            // Of a calibrated robot and a camera; of a robot's grasps whose poses are right to 5 mm, the share of 12
+            // repeats so moved has an AUC of 0.65.
+            position_error_m: 0.004,
             rotation_error_rad: 2.0_f32.to_radians(),
+            friction_factors: [0.7, 1.3],
+            mass_factors: [0.7, 1.4],
+            force_factors: [0.8, 1.2],
             drops: 100,
             seed: 1,
         }

@@ -111,7 +111,7 @@ mod tests {
         let file = "a test".to_owned();
         let annotated = Annotated { object, file, file_sha256: None, scale_m: 1.0, origin_m, warnings: Vec::new() };
         for test in schema::GripTest::ALL {
-            let params = AnnotateParams { grasps: 60, drops: 0, test, ..AnnotateParams::default() };
+            let params = AnnotateParams { grasps: 60, drops: 0, repeats: 0, test, ..AnnotateParams::default() };
             let set = annotate(&annotated, &params, &mut |_| true).unwrap();
             let numbers: Vec<u64> = (0..60).collect();
             let ends = grasp_replays(&set, &numbers, |replay| (replay.number, replay.outcome)).unwrap();
@@ -119,7 +119,7 @@ mod tests {
                 ends.iter().filter(|(number, outcome)| *outcome != set.grasps[*number as usize].outcome).count();
             assert!(ends.len() == 60 && others <= 1, "{others} end otherwise: {test:?}");
         }
-        let held = AnnotateParams { grasps: 1, drops: 0, is_held_only: true, ..AnnotateParams::default() };
+        let held = AnnotateParams { grasps: 1, drops: 0, repeats: 0, is_held_only: true, ..AnnotateParams::default() };
         let set = annotate(&annotated, &held, &mut |_| true).unwrap();
         let body = Body::from(cuboid);
         let world = FloatingWorld::new(&PHYSICS, &set.gripper, &PROCEDURE, &body, 0.2, 0.6);

@@ -29,12 +29,12 @@ const FACETS: [(&str, &[&str]); 4] = [
     ("outcome", &[]),
     ("source", &[]),
     ("strongest pull", &["below 1 g", "1 to 4 g", "4 to 16 g", "16 g and more", UNKNOWN]),
-    ("moved repeats that hold", &["all", "half or more", "less than half", UNKNOWN]),
+    ("repeats that hold", &["all", "half or more", "less than half", UNKNOWN]),
 ];
 
 fn values(grasp: &ObjectGrasp) -> [String; FACETS.len()] {
     let pull = grasp.margins.map(|margins| [1.0, 4.0, 16.0].iter().filter(|g| margins.tug_max_g >= **g).count());
-    let share = grasp.robust_share.map(|share| if share >= 1.0 { 0 } else { 1 + usize::from(share < 0.5) });
+    let share = grasp.p_held.map(|share| if share >= 1.0 { 0 } else { 1 + usize::from(share < 0.5) });
     let named = |facet: usize, place: Option<usize>| place.map_or(UNKNOWN, |place| FACETS[facet].1[place]);
     [grasp.outcome.name(), grasp.source.name(), named(2, pull), named(3, share)].map(str::to_owned)
 }
@@ -111,7 +111,7 @@ fn grasps_view(set: &ObjectGrasps, numbers: &[u64]) -> View {
         [
             measure("strongest pull, g", true, measured(&|grasp| grasp.margins.map(|margins| margins.tug_max_g))),
             measure("smallest friction, from much to little", false, measured(&|grasp| grasp.margins?.friction_min)),
-            measure("moved repeats that hold", false, measured(&|grasp| grasp.robust_share)),
+            measure("share of repeats that hold", false, measured(&|grasp| grasp.p_held)),
         ]
         .into_iter()
         .flatten(),
@@ -157,7 +157,7 @@ fn words(set: &ObjectGrasps, grasp: &ObjectGrasp) -> String {
         Some(grasp.source.name().to_owned()),
         grasp.width_m.map(|width_m| format!("{:.1} mm", width_m * 1000.0)),
         margins,
-        share(grasp.robust_share, "of moved repeats"),
+        share(grasp.p_held, "of its repeats hold"),
         share(free_share(grasp, &set.stable_poses), "of the ways to lie leave it free"),
     ];
     known.into_iter().flatten().collect::<Vec<_>>().join(", ")

@@ -157,7 +157,14 @@ fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Resul
     let contacts = [all(&CONTACTS[0])?, all(&CONTACTS[1])?];
     let (sources, outcomes, width) = (text("source")?, text("outcome")?, real("width_m")?);
     let motions = all(&["closing_moved_m", "closing_turned_rad", "test_moved_m", "test_turned_rad"])?;
-    let margins = all(&["friction_min", "tug_max_g", "robust_share"])?;
+    let margins = all(&["friction_min", "tug_max_g"])?;
+    let unknown = vec![None; place.len()];
+    let since = |name: &str, before: &str| match [name, before].into_iter().find(|one| columns.contains_key(*one)) {
+        Some(there) => real(there),
+        None => Ok(unknown.as_slice()),
+    };
+    // Up to 0.3.0 the share of the repeats of grasps that held.
+    let p_held = since("p_held", "robust_share")?;
     let Some(PlainColumn::Whole(free)) = columns.get("free_on_table") else { return Err(missing("free_on_table")) };
     let vector = |of: &[&[Option<f32>]], row: usize| Some(Vec3::new(of[0][row]?, of[1][row]?, of[2][row]?));
     let grasp = |row: usize| {
@@ -172,7 +179,7 @@ fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Resul
             closing: motion(0),
             test: motion(2),
             margins: margins[1][row].map(|tug_max_g| Margins { friction_min: margins[0][row], tug_max_g }),
-            robust_share: margins[2][row],
+            p_held: p_held[row],
             is_free_on_table: (0..stable_poses)
                 .map(|bit| free[row].checked_shr(bit as u32).unwrap_or(0) & 1 == 1)
                 .collect(),
@@ -183,8 +190,10 @@ fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Resul
 
 #[cfg(test)]
 mod tests {
+    use shards::plain_table;
+
     use super::*;
-    use crate::grasps::{grasps_info, grasps_table};
+    use crate::grasps::{grasp_columns, grasps_info, grasps_table};
 
     fn set() -> ObjectGrasps {
         let corner = |c: u8| Vec3::new(f32::from(c & 1), f32::from(c >> 1 & 1), f32::from(c >> 2 & 1)) * 0.05;
@@ -203,7 +212,7 @@ mod tests {
                 closing: is_closed.then_some((0.001, 0.1)),
                 test: is_closed.then_some((0.002, 0.2)),
                 margins: is_closed.then_some(Margins { friction_min: None, tug_max_g: 0.5 }),
-                robust_share: is_closed.then_some(0.25),
+                p_held: is_closed.then_some(0.25),
                 is_free_on_table: vec![is_closed, true],
             }
         };
@@ -238,6 +247,11 @@ mod tests {
         let read = read_grasp_set(place.path(), "cube").unwrap();
         assert_eq!(read.grasps, set.grasps);
         assert_eq!(grasps_table(&read).unwrap(), grasps_table(&set).unwrap());
+        // As 0.3.0 wrote it.
+        let older = |name: &'static str| if name == "p_held" { "robust_share" } else { name };
+        let columns = grasp_columns(&set).into_iter().map(|(name, column)| (older(name), column));
+        write("cube.parquet", &plain_table(columns.collect()).unwrap());
+        assert_eq!(read_grasp_set(place.path(), "cube").unwrap().grasps, set.grasps);
         // A hull that is made again may have its corners in another order.
         let without_parts = |set: &ObjectGrasps| {
             let mut info = grasps_info(set);
