@@ -18,7 +18,7 @@ use schema::{
     GraspSource, Gripper, GripperBox, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream,
     Vec3,
 };
-use simulator::{FloatingWorld, Grip, Hold, Load, Motion};
+use simulator::{Execution, FloatingWorld, Grip, Hold, Load, Motion};
 
 use self::bearing::{G_M_S2, HOLD, loads, sides};
 pub use self::bearing::{PHYSICS, PROCEDURE};
@@ -145,7 +145,7 @@ impl<'a> Bench<'a> {
 
     /// A grasp with everything that is asked about it.
     fn labelled(&self, number: u64, pose: Pose, source: GraspSource) -> ObjectGrasp {
-        let closed = self.world.close(&pose);
+        let (closed, pushed_m) = self.close(&self.world, &pose);
         let mut grasp = ObjectGrasp {
             object_from_grasp: self.given(&pose),
             source,
@@ -156,6 +156,8 @@ impl<'a> Bench<'a> {
             closing: None,
             test: None,
             margins: None,
+            clearance_m: Some(self.world.clearance_m(&pose)),
+            pushed_m,
             p_held: None,
             is_free_on_table: Vec::new(),
         };
@@ -180,6 +182,16 @@ impl<'a> Bench<'a> {
         }
         grasp.is_free_on_table = self.stable.iter().map(|stable| self.is_free(stable, &pose)).collect();
         grasp
+    }
+
+    /// Closes the gripper at a grasp, and says how far it pushed the object aside on its way, if it had to.
+    fn close<'w>(&self, world: &'w FloatingWorld<'_>, pose: &Pose) -> (Result<Grip<'w>, Execution>, Option<f32>) {
+        let closed = world.close(pose);
+        let is_blocked = closed.as_ref().is_err_and(|end| end.hit.is_some());
+        match is_blocked.then(|| world.pushed_aside(pose, self.params.touch_m_max)).flatten() {
+            Some((aside, pushed_m)) => (world.close(&aside), Some(pushed_m)),
+            None => (closed, None),
+        }
     }
 
     /// A pose in the frame in which grasps are given.
@@ -253,7 +265,7 @@ impl<'a> Bench<'a> {
         let side = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
         let moved = moved_by_errors(pose, side * position_error_m, side * rotation_error_rad, &mut stream);
         let world = &self.repeated[repeat as usize % self.repeated.len()];
-        world.close(&moved).is_ok_and(|grip| self.bears(&grip).0)
+        self.close(world, &moved).0.is_ok_and(|grip| self.bears(&grip).0)
     }
 
     /// Whether the gripper stays off the table on its way to a grasp.
@@ -443,6 +455,28 @@ mod tests {
         let kept = all(&object, &AnnotateParams { is_held_only: true, repeats: 3, ..few(30) });
         assert!(kept.grasps.iter().all(|grasp| grasp.p_held.is_some()));
         assert!(all(&object, &few(30)).grasps.iter().all(|grasp| grasp.p_held.is_none()));
+    }
+
+    #[test]
+    fn an_object_that_is_touched_by_little_is_pushed_aside_where_that_is_asked_for() {
+        let object = annotated(cuboid([0.04, 0.04, 0.02]), 0.1, 0.8);
+        // One finger would be 1.3 and 8 mm in the block, and no nearer than 1 mm is free.
+        let beside =
+            [0.0, 0.0213, 0.028].map(|y_m| Pose::from_translation(object.origin_m + Vec3::new(0.0, y_m, 0.015)));
+        let told = |touch_m_max: f32| {
+            let params = AnnotateParams { touch_m_max, ..few(1) };
+            let set = relabel(&object, &params, &beside, &mut |_| true).unwrap();
+            let [clear, touched, inside] = [0, 1, 2].map(|number| &set.grasps[number]);
+            for (grasp, clearance_m) in [(clear, 0.02), (touched, -0.0013), (inside, -0.008)] {
+                assert!((grasp.clearance_m.unwrap() - clearance_m).abs() < 1e-4, "{grasp:?}");
+            }
+            assert_eq!([clear, inside].map(|grasp| (grasp.outcome.label(), grasp.pushed_m)), [(1, None), (0, None)]);
+            assert_eq!(touched.object_from_grasp, beside[1]);
+            (touched.outcome, touched.pushed_m)
+        };
+        assert_eq!(told(0.003), (Outcome::Held, Some(0.0025)));
+        assert_eq!(told(0.002), (Outcome::ApproachCollision, None));
+        assert_eq!(told(0.0), (Outcome::ApproachCollision, None));
     }
 
     /// 2 μ F = m a: with the grip in the middle of a block, in every direction but that of closing.

@@ -61,6 +61,8 @@ pub fn grasp_columns(set: &ObjectGrasps) -> Vec<(&'static str, PlainColumn)> {
         ("friction_min", real(&|g| g.margins?.friction_min)),
         ("tug_max_g", real(&|g| g.margins.map(|margins| margins.tug_max_g))),
         ("p_held", real(&|g| g.p_held)),
+        ("clearance_m", real(&|g| g.clearance_m)),
+        ("pushed_m", real(&|g| g.pushed_m)),
         ("free_on_table", whole(&free_poses)),
         ("free_on_table_share", real(&|g| free_share(g, &set.stable_poses))),
     ]);
@@ -117,6 +119,7 @@ pub fn grasps_info(set: &ObjectGrasps) -> Value {
         "base_to_tips_m": set.gripper.base_to_tips_m(),
         "grasps": set.grasps.len(),
         "outcomes": outcomes,
+        "pushed": set.grasps.iter().filter(|grasp| grasp.pushed_m.is_some()).count(),
         "p_held": (!shares.is_empty()).then(|| shares.iter().sum::<f32>() / shares.len() as f32),
         "coverage": set.coverage,
         "stable_poses": set.stable_poses.iter().map(pose).collect::<Vec<_>>(),

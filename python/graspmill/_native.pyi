@@ -69,7 +69,7 @@ class Annotation:
         body: tuple[Body, float, float, Sequence[float]] | None,
         file: tuple[_Path, float | None, str | None] | None,
         simulation: Simulation,
-        params: tuple[int, bool, Sequence[float], str, bool, int, int, int],
+        params: tuple[int, bool, Sequence[float], str, float, bool, int, int, int],
         given: _Floats | None,
         threads: int,
     ) -> Annotation: ...

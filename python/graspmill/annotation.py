@@ -18,8 +18,9 @@ from .scene import Object, _simulation
 def annotate(
     object: Object | str | os.PathLike[str] | Any, *, gripper: GripperLike | None = None, grasps: int = 2_000,
     given: ArrayLike | None = None, held_only: bool = False, test: str = "lift",
-    shares: tuple[float, float, float] = (0.8, 0.1, 0.1), margins: bool = False, repeats: int = 12, drops: int = 100,
-    scale: float | None = None, seed: int = 1, threads: int | None = None, progress: Callable[[int], None] | None = None,
+    shares: tuple[float, float, float] = (0.8, 0.1, 0.1), touch_m: float = 0.003, margins: bool = False, repeats: int = 12,
+    drops: int = 100, scale: float | None = None, seed: int = 1, threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> ObjectGrasps:  # fmt: skip
     """Draws grasps over the whole surface of an object that floats, executes each, and says how it ended: in the frame of the
     mesh, or of the :class:`Object`. Equal arguments give equal grasps, those of ``graspmill objects annotate``.
@@ -32,6 +33,7 @@ def annotate(
         given: Grasps of somebody else to be labelled instead, ``object_from_grasp``, ``[N, 4, 4]`` or ``[N, 7]``.
         test: What the object must bear: ``lift``, ``turn``, ``tug`` or ``shake``.
         shares: Shares of antipodal, normal and displaced grasps.
+        touch_m: An object that the open gripper would touch on its way is pushed aside, at most so far; 0 for a collision.
         margins: Whether to measure the smallest friction and the strongest pull of each that holds.
         repeats: Most repeats of each, with errors of pose, friction, mass and force: four where all end alike, 0 for none. ``drops`` is
             the number of drops that find the object's stable poses.
@@ -54,7 +56,8 @@ def annotate(
     count, seed = _arrays.whole("grasps", grasps, 1, 1_000_000), _arrays.whole("seed", seed, 0, 2**63 - 1)
     repeats, drops = _arrays.whole("repeats", repeats, 0, 1_000), _arrays.whole("drops", drops, 0, 10_000)
     held_only, margins = _arrays.flag("held_only", held_only), _arrays.flag("margins", margins)
-    params = (count, held_only, parts, _arrays.text("test", test), margins, repeats, drops, seed)
+    touch_m = _arrays.number("touch_m", touch_m, 0.0, 0.02)
+    params = (count, held_only, parts, _arrays.text("test", test), touch_m, margins, repeats, drops, seed)
     poses = None if given is None else _arrays.poses("given", given)
     _arrays.must(progress is None or callable(progress), "progress must be a function", progress)
     with objects.described([] if path is None else [path]) as described:

@@ -23,7 +23,7 @@ GRASPS_MAX = 1_000_000
 #: Numbers of each grasp, and their shapes; NaN where unknown.
 NUMBERS: dict[str, tuple[int, ...]] = {"width_m": (), "contacts_m": (2, 3), "normals": (2, 3)}
 NUMBERS |= dict.fromkeys(("closing_moved_m", "closing_turned_rad", "test_moved_m", "test_turned_rad", "friction_min", "tug_max_g"), ())
-NUMBERS |= dict.fromkeys(("p_held", "on_table_share", "score", "opening_m"), ())
+NUMBERS |= dict.fromkeys(("p_held", "clearance_m", "pushed_m", "on_table_share", "score", "opening_m"), ())
 
 
 def _unknown() -> Numbers:
@@ -52,6 +52,9 @@ class ObjectGrasps:
         friction_min: ``[N]``, the smallest friction coefficient at which the grip bears its weight in six directions.
         tug_max_g: ``[N]``, the strongest pull that it bears in six directions, in g.
         p_held: ``[N]``, the share of its repeats, with errors of pose, friction, mass and force, that held.
+        clearance_m: ``[N]``, how near the open gripper comes to the object, there and on its straight way: by so much its boxes could
+            grow before they touch; below 0 how deep they are in it. Between -0.02 and 0.02.
+        pushed_m: ``[N]``, how far the object was pushed aside where the open gripper would touch it by little; NaN if it was not.
         on_table_share: ``[N]``, the share of the drops in whose stable poses the gripper stays off the table.
         score: ``[N]``, the number of a file by others: isaac_grasp's confidence, GraspNet's score.
         is_free_on_table: ``[N, P]`` bool, whether the gripper stays off the table in each of ``P`` stable poses.
@@ -78,6 +81,8 @@ class ObjectGrasps:
     friction_min: NDArray[np.float64] = field(default_factory=_unknown)
     tug_max_g: NDArray[np.float64] = field(default_factory=_unknown)
     p_held: NDArray[np.float64] = field(default_factory=_unknown)
+    clearance_m: NDArray[np.float64] = field(default_factory=_unknown)
+    pushed_m: NDArray[np.float64] = field(default_factory=_unknown)
     on_table_share: NDArray[np.float64] = field(default_factory=_unknown)
     score: NDArray[np.float64] = field(default_factory=_unknown)
     is_free_on_table: NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, 0), np.bool_))

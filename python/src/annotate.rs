@@ -27,9 +27,9 @@ pub(crate) struct Annotation {
     set: Option<ObjectGrasps>,
 }
 
-/// How grasps are drawn and tried, as Python has it: number, whether only what holds is kept, shares, test, whether
-/// margins, repeats, drops, seed.
-type PlainParams = (usize, bool, [f32; 3], String, bool, u32, u32, u64);
+/// How grasps are drawn and tried, as Python has it: number, whether only what holds is kept, shares, test, the largest
+/// touch in metres, whether margins, repeats, drops, seed.
+type PlainParams = (usize, bool, [f32; 3], String, f32, bool, u32, u32, u64);
 
 #[pymethods]
 impl Annotation {
@@ -44,7 +44,8 @@ impl Annotation {
         given: Option<PyReadonlyArray2<'_, f32>>,
         threads: usize,
     ) -> PyResult<Self> {
-        let (grasps, is_held_only, [antipodal, normal, displaced], test, margins, repeats, drops, seed) = params;
+        let (grasps, is_held_only, [antipodal, normal, displaced], test, touch_m_max, margins, repeats, drops, seed) =
+            params;
         let test = GripTest::from_name(&test).ok_or_else(|| {
             wrong(format!("test must be one of {}, got {test:?}", GripTest::ALL.map(GripTest::name).join(", ")))
         })?;
@@ -56,6 +57,7 @@ impl Annotation {
             is_held_only,
             shares: GraspShares { antipodal, normal, displaced },
             test,
+            touch_m_max,
             margins,
             repeats,
             drops,

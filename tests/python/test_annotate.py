@@ -76,7 +76,13 @@ def test_grasps_of_others_are_labelled(tmp_path):
     beside[0, 3] = 0.2
     through = above.copy()
     through[1, 3] = 0.025
+    touching = above.copy()
+    touching[1, 3] = 0.0113  # of the box 1.3 mm are where a finger comes
     labels = graspmill.annotate(BOX, given=[above, beside, through], drops=0, margins=True)
+    for touch_m, outcome, pushed_m in ((0.003, "held", 0.0025), (0.0, "approach_collision", np.nan)):
+        told = graspmill.annotate(BOX, given=[touching], drops=0, touch_m=touch_m)
+        np.testing.assert_allclose([told.pushed_m, told.clearance_m], [[pushed_m], [-0.0013]], atol=1e-4)
+        assert list(told.outcome) == [outcome] and np.isfinite(told.p_held).all()
     assert list(labels.outcome) == ["held", "empty", "approach_collision"] and set(labels.source) == {"given"}
     assert labels.width_m[0] == pytest.approx(0.06, abs=1e-3) and np.isnan(labels.width_m[2])
     assert labels.tug_max_g[0] > 1 and np.isnan(labels.tug_max_g[1:]).all() and np.isnan(labels.on_table_share).all()
@@ -178,6 +184,7 @@ def test_what_is_wrong_is_named(tmp_path):
         ("grasps", lambda: graspmill.annotate(BOX, grasps=0)),
         ("test must be one of lift, turn, tug, shake", lambda: graspmill.annotate(BOX, test="drop")),
         ("shares must not all be 0", lambda: graspmill.annotate(BOX, shares=(0, 0, 0))),
+        ("touch_m must be", lambda: graspmill.annotate(BOX, touch_m=0.1)),
         ("scale goes with a file", lambda: graspmill.annotate(BOX, scale=1.0)),
         ("scale goes with a file", lambda: graspmill.annotate(BOX_MESH, scale=1.0)),
         ("mesh must be", lambda: graspmill.annotate(7)),

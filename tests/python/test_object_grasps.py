@@ -160,11 +160,12 @@ def test_a_set_of_the_program_is_its_parquet(annotated):
     number = {None: np.nan}
     for at, row in enumerate(rows):
         assert np.allclose(grasps.object_from_grasp[at, :3, 3], [row["x_m"], row["y_m"], row["z_m"]])
-        for ours in ("width_m", "closing_moved_m", "test_turned_rad", "friction_min", "tug_max_g", "p_held"):
+        for ours in ("width_m", "closing_moved_m", "test_turned_rad", "friction_min", "tug_max_g", "p_held", "clearance_m", "pushed_m"):
             assert np.array_equal(getattr(grasps, ours)[at], number.get(row[ours], row[ours]), equal_nan=True), ours
         right = [row[f"right_{axis}_m"] for axis in "xyz"]
         assert np.array_equal(grasps.contacts_m[at, 1], [number.get(one, one) for one in right], equal_nan=True)
         assert grasps.normals[at, 0, 2] == row["left_normal_z"] or row["left_normal_z"] is None
+    assert np.isfinite(grasps.p_held).all() and (np.isnan(grasps.width_m) <= (grasps.clearance_m < 0.0011)).all()
     shares = np.array([share for share, _ in grasps.stable_poses])
     np.testing.assert_allclose(grasps.is_free_on_table @ shares / shares.sum(), grasps.on_table_share, atol=1e-6)
     for _, table_from_object in grasps.stable_poses:  # the box lies on the table
@@ -174,6 +175,17 @@ def test_a_set_of_the_program_is_its_parquet(annotated):
     turned, origins_m = grasps.object_from_grasp[:, :3, :3], grasps.object_from_grasp[:, None, :3, 3]
     contacts = np.einsum("nji,nsj->nsi", turned, grasps.contacts_m - origins_m)
     assert (contacts[grasps.held, 0, 1] < contacts[grasps.held, 1, 1]).mean() > 0.95
+
+
+def test_tables_of_earlier_versions_are_read(annotated, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = parquet.read_table(annotated[0] / "box.parquet")
+    names = ["robust_share" if name == "p_held" else name for name in table.column_names]
+    parquet.write_table(table.rename_columns(names).drop_columns(["clearance_m", "pushed_m"]), tmp_path / "box.parquet")
+    (tmp_path / "box.json").write_bytes((annotated[0] / "box.json").read_bytes())
+    older, grasps = (ObjectGrasps.load(folder / "box.parquet") for folder in (tmp_path, annotated[0]))
+    np.testing.assert_array_equal(older.p_held, grasps.p_held)
+    assert np.isnan(older.clearance_m).all() and np.isnan(older.pushed_m).all() and np.isfinite(grasps.clearance_m).all()
 
 
 @pytest.mark.parametrize("form", FORMATS)

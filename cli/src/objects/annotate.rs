@@ -53,6 +53,11 @@ pub(crate) struct Arguments {
     #[arg(long, default_value = "lift", value_parser = one_of!(GripTest))]
     test: GripTest,
 
+    /// Where the open gripper would touch the object on its way, push it aside, at most so far; more is a collision, and
+    /// with 0 every touch
+    #[arg(long, value_name = "METRES", default_value_t = 0.003, value_parser = between(0.0..=0.02_f32))]
+    touch: f32,
+
     /// Shares of grasps between facing points, along normals, and displaced by up to 30 mm and 30 degrees;
     /// or those of acronym or graspdatagen
     #[arg(long, value_name = "A,N,D", default_value = "0.8,0.1,0.1", value_parser = shares)]
@@ -127,6 +132,7 @@ impl Arguments {
             is_held_only: self.held_only,
             shares: self.shares,
             test: self.test,
+            touch_m_max: self.touch,
             margins: self.margins,
             repeats: self.repeats,
             drops: self.drops,
@@ -299,11 +305,12 @@ fn differences(key: &str, there: &Value, here: &Value) -> Vec<String> {
 fn document(infos: &[Value], left_out: &[LeftOut], out: &Path) -> Document {
     let number = |info: &Value, at: &str| info.pointer(at).and_then(Value::as_u64).unwrap_or(0);
     let name = |info: &Value| info["object"]["name"].as_str().unwrap_or_default().to_owned();
-    let head = ["object", "grasps", "held", "slipped", "empty", "collisions", "P(held)", "covered", "stable poses"];
+    let head = ["object", "grasps", "held", "slipped", "empty", "collisions", "pushed", "P(held)", "covered", "poses"];
     let row = |info: &Value| {
         let of = |outcome: &str| number(info, &format!("/outcomes/{outcome}"));
         let collisions = of("pregrasp_collision") + of("approach_collision");
-        let counts = [number(info, "/grasps"), of("held"), of("slipped"), of("empty"), collisions].map(Cell::Count);
+        let [grasps, pushed] = ["/grasps", "/pushed"].map(|at| number(info, at));
+        let counts = [grasps, of("held"), of("slipped"), of("empty"), collisions, pushed].map(Cell::Count);
         let share = |of: &str| Cell::Number(info[of].as_f64().map_or("-".to_owned(), percent));
         let poses = info["stable_poses"].as_array().map_or(0, Vec::len);
         let last = [share("p_held"), share("coverage"), Cell::Count(poses as u64)];

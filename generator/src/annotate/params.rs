@@ -29,6 +29,9 @@ pub struct AnnotateParams {
     pub shares: GraspShares,
     /// What an object must bear to be held.
     pub test: GripTest,
+    /// An object that the open gripper would touch on its way is pushed aside, at most so far, in metres; 0 for a
+    /// collision, as in scenes.
+    pub touch_m_max: f32,
     /// Whether to measure how much each grip bears.
     pub margins: bool,
     /// Most repeats of a grasp, with the errors below; 0 for none.
@@ -90,6 +93,7 @@ impl Default for AnnotateParams {
             is_held_only: false,
             shares: GraspShares { antipodal: 0.8, normal: 0.1, displaced: 0.1 },
             test: GripTest::Lift,
+            touch_m_max: 0.003,
             margins: false,
             repeats: 12,
             repeats_min: 4,

@@ -52,7 +52,10 @@ pub fn grasp_replays<T: Send>(
 /// A grasp's replay; `origin_m` is that of the body's frame.
 fn replay(world: &FloatingWorld<'_>, set: &ObjectGrasps, number: u64, origin_m: Vec3) -> GraspReplay {
     let (gripper, given) = (&set.gripper, set.grasps[number as usize].object_from_grasp);
-    let grasp = Pose::from_parts(given.translation - origin_m, given.rotation);
+    let asked = Pose::from_parts(given.translation - origin_m, given.rotation);
+    // An object that was pushed aside is shown where it was gripped.
+    let aside = set.grasps[number as usize].pushed_m.and_then(|most_m| world.pushed_aside(&asked, most_m));
+    let grasp = aside.map_or(asked, |(aside, _)| aside);
     let mut recorder = Recorder::new(gripper, &PROCEDURE, &PHYSICS, grasp, 0, vec![Pose::IDENTITY]);
     recorder.approach(world.obstruction(&grasp).as_ref());
     let (outcome, width_m) = match world.close_watched(&grasp, Some(&mut recorder)) {

@@ -149,13 +149,16 @@ fn label(set: &ObjectGrasps, number: u64, grasp: &ObjectGrasp) -> String {
 /// How a grasp was drawn, and what was measured.
 fn words(set: &ObjectGrasps, grasp: &ObjectGrasp) -> String {
     let share = |of: Option<f32>, what: &str| of.map(|of| format!("{} {what}", percent(f64::from(of))));
+    let length = |of_m: Option<f32>, what: &str| of_m.map(|of_m| format!("{:.1} mm{what}", of_m * 1000.0));
     let margins = grasp.margins.map(|Margins { friction_min, tug_max_g }| match friction_min {
         Some(friction) => format!("holds with a friction from {friction:.2} on, and up to {tug_max_g:.1} g"),
         None => format!("slips or turns in some direction above {tug_max_g:.2} g, less than its weight"),
     });
     let known = [
         Some(grasp.source.name().to_owned()),
-        grasp.width_m.map(|width_m| format!("{:.1} mm", width_m * 1000.0)),
+        length(grasp.width_m, ""),
+        length(grasp.clearance_m, " clear on its way"),
+        length(grasp.pushed_m, " pushed aside"),
         margins,
         share(grasp.p_held, "of its repeats hold"),
         share(free_share(grasp, &set.stable_poses), "of the ways to lie leave it free"),

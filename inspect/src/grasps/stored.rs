@@ -165,6 +165,7 @@ fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Resul
     };
     // Up to 0.3.0 the share of the repeats of grasps that held.
     let p_held = since("p_held", "robust_share")?;
+    let (clearance, pushed) = (since("clearance_m", "")?, since("pushed_m", "")?);
     let Some(PlainColumn::Whole(free)) = columns.get("free_on_table") else { return Err(missing("free_on_table")) };
     let vector = |of: &[&[Option<f32>]], row: usize| Some(Vec3::new(of[0][row]?, of[1][row]?, of[2][row]?));
     let grasp = |row: usize| {
@@ -179,6 +180,8 @@ fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Resul
             closing: motion(0),
             test: motion(2),
             margins: margins[1][row].map(|tug_max_g| Margins { friction_min: margins[0][row], tug_max_g }),
+            clearance_m: clearance[row],
+            pushed_m: pushed[row],
             p_held: p_held[row],
             is_free_on_table: (0..stable_poses)
                 .map(|bit| free[row].checked_shr(bit as u32).unwrap_or(0) & 1 == 1)
@@ -212,6 +215,8 @@ mod tests {
                 closing: is_closed.then_some((0.001, 0.1)),
                 test: is_closed.then_some((0.002, 0.2)),
                 margins: is_closed.then_some(Margins { friction_min: None, tug_max_g: 0.5 }),
+                clearance_m: Some(0.001 * f32::from(number)),
+                pushed_m: is_closed.then_some(0.0015),
                 p_held: is_closed.then_some(0.25),
                 is_free_on_table: vec![is_closed, true],
             }
@@ -248,10 +253,13 @@ mod tests {
         assert_eq!(read.grasps, set.grasps);
         assert_eq!(grasps_table(&read).unwrap(), grasps_table(&set).unwrap());
         // As 0.3.0 wrote it.
-        let older = |name: &'static str| if name == "p_held" { "robust_share" } else { name };
-        let columns = grasp_columns(&set).into_iter().map(|(name, column)| (older(name), column));
-        write("cube.parquet", &plain_table(columns.collect()).unwrap());
-        assert_eq!(read_grasp_set(place.path(), "cube").unwrap().grasps, set.grasps);
+        let mut columns = grasp_columns(&set);
+        columns.retain(|(name, _)| !["clearance_m", "pushed_m"].contains(name));
+        columns.iter_mut().filter(|(name, _)| *name == "p_held").for_each(|(name, _)| *name = "robust_share");
+        write("cube.parquet", &plain_table(columns).unwrap());
+        let lacks = |grasp: &ObjectGrasp| ObjectGrasp { clearance_m: None, pushed_m: None, ..grasp.clone() };
+        let expected: Vec<ObjectGrasp> = set.grasps.iter().map(lacks).collect();
+        assert_eq!(read_grasp_set(place.path(), "cube").unwrap().grasps, expected);
         // A hull that is made again may have its corners in another order.
         let without_parts = |set: &ObjectGrasps| {
             let mut info = grasps_info(set);

@@ -55,6 +55,9 @@ fn grasps_of_a_mesh_are_in_its_own_frame_and_the_same_bytes_again() {
     let held = brick["outcomes"]["held"].as_u64().unwrap();
     assert!(held > 10 && brick["coverage"].as_f64().unwrap() > 0.5, "{brick}");
     assert!(!brick["stable_poses"].as_array().unwrap().is_empty());
+    let p_held = brick["p_held"].as_f64().unwrap();
+    assert!((0.1..0.95).contains(&p_held) && brick["pushed"].is_u64(), "{p_held} {brick}");
+    assert!(said.contains("pushed") && said.contains("P(held)"), "{said}");
 }
 
 #[test]

@@ -32,8 +32,8 @@ def read(path: str, _: GripperFrame) -> dict[str, Any]:
 def of_columns(columns: dict[str, Any], info: dict[str, Any]) -> dict[str, Any]:
     """The arguments of an ``ObjectGrasps`` of such a table, and of what is said beside it."""
 
-    # Up to 0.3.0 the share of the repeats of grasps that held.
-    columns = {"p_held": columns.get("robust_share", ()), **columns}
+    # Up to 0.3.0 there are no clearances, and the share of the repeats of grasps that held.
+    columns = {"clearance_m": (), "pushed_m": (), "p_held": columns.get("robust_share", ()), **columns}
 
     def column(name: str) -> NDArray[Any]:
         return np.asarray(_arrays.entry(name, columns))
