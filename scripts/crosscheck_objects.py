@@ -3,7 +3,8 @@
 
     python scripts/crosscheck_objects.py SET [--grasps N] [--engine pybullet|mujoco|all] [--gate same|own|both]
 
-Reads only what `graspmill objects annotate` wrote: NAME.json and NAME.parquet.
+Reads only what `graspmill objects annotate` wrote: NAME.json and NAME.parquet. Leaves out grasps for which an object
+was pushed aside.
 """
 
 import sys

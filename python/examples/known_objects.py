@@ -24,7 +24,7 @@ SHAPES = {
 
 # Once for each object: grasps that hold whichever way is down, with the strongest pull that each bears.
 known = {
-    name: graspmill.annotate(make(np.eye(4)), gripper=GRIPPER, grasps=400, held_only=True, test="turn", margins=True, seed=1)
+    name: graspmill.annotate(make(np.eye(4)), gripper=GRIPPER, grasps=400, held_only=True, test="turn", margins=True, repeats=0, seed=1)
     for name, make in SHAPES.items()
 }
 for name, grasps in known.items():

@@ -11,11 +11,10 @@ import pyarrow.parquet as pq
 
 from .compound import compound_of
 from .contract import BLOCKED, OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene, SceneObject
-from .dataset import POSE, DamagedDataset, Dataset, NoDataset, build, pose_of
+from .dataset import DamagedDataset, Dataset, NoDataset, build, pose_of
 from .floating import loads
 from .pose import Pose
 
-COLUMNS = ["grasp_id", "source", *POSE, "outcome", "width_m"]
 # There is neither gravity nor a table; the engines need one, so it is far below.
 NOWHERE = Environment(table_z_m=-10.0, table_friction=1.0, gravity_m_s2=0.0)
 AT_ORIGIN = Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
@@ -38,7 +37,9 @@ def read(folder: Path, object_count: int | None, grasp_count: int | None) -> tup
             procedures.append(build(Procedure, about["settings"]["procedure"]))
             rate = float(about["settings"]["physics"]["step_rate_hz"])
             seed = int(about["settings"]["params"]["seed"])
-            rows = pq.read_table(path.with_suffix(".parquet"), columns=COLUMNS).to_pylist()[:grasp_count]
+            rows = pq.read_table(path.with_suffix(".parquet")).to_pylist()
+            # Their gates do not push objects aside.
+            rows = [row for row in rows if row.get("pushed_m") is None][:grasp_count]
             name = about["object"]["name"]
             scenes.append(Scene(number, [_object(about["object"])], [_grasp(row, name) for row in rows]))
         except (OSError, KeyError, TypeError, ValueError, pa.ArrowException) as error:

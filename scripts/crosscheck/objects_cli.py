@@ -25,7 +25,7 @@ GATES = ("same", "own")
 
 EPILOG = """\
 examples:
-  graspmill objects annotate objects.toml --test turn --grasps 300 --out grasps
+  graspmill objects annotate objects.toml --test turn --grasps 300 --touch 0 --repeats 0 --out grasps
   python scripts/crosscheck_objects.py grasps --engine all
   python scripts/crosscheck_objects.py grasps --engine mujoco --gate both --objects 5 --report runs/grasps.md
 

@@ -64,6 +64,7 @@ def many(count=50, seed=4):
         test_moved_m=np.where(held, rng.uniform(0, 0.01, count), np.nan),
         test_turned_rad=rng.uniform(0, 1, count),
         friction_min=np.where(held, rng.uniform(0.1, 1, count), np.nan),
+        p_held=np.arange(count) % 13 / 12,
         base_to_tips_m=BASE_M,
         info={
             "object": {**solid, "centre_of_mass_m": [0.0, 0.01, 0.02]},

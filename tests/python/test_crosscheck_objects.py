@@ -117,7 +117,7 @@ def sets(tmp_path_factory):
 
     def make(test: str, grasps: int) -> Path:
         out = folder / test
-        flags = ["--gripper", "franka_hand", "--grasps", grasps, "--test", test, "--drops", 0, "--out", out]
+        flags = ["--gripper", "franka_hand", "--grasps", grasps, "--test", test, "--touch", 0, "--repeats", 0, "--drops", 0, "--out", out]
         if not out.exists():
             run("graspmill", "objects", "annotate", folder / "two.toml", *flags, code=0, timeout=None)
         return out

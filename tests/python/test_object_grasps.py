@@ -289,6 +289,14 @@ def test_confidences_of_a_network_are_no_labels(tmp_path):
         read_grasps(tmp_path / "d.yaml", base_to_tips_m=BASE_M)
 
 
+def test_p_held_is_the_confidence_beside_the_label(tmp_path):
+    grasps = one_above(p_held=[0.25])
+    assert json.loads(saved(grasps, tmp_path, "graspgen").read_text())["grasps"]["confidence"] == [0.25]
+    assert np.load(saved(grasps, tmp_path, "graspnet"))[0, 0] == 0.25
+    told = again(saved(grasps, tmp_path, "isaac_grasp"), "isaac_grasp")
+    assert (told.held.tolist(), told.score.tolist(), told.p_held.tolist()) == ([True], [0.25], [0.25])
+
+
 def test_half_precision_is_read_as_rotations(tmp_path):
     grasps = many()
     np.savez_compressed(tmp_path / "grasps.npz", transforms=grasps.object_from_grasp.astype(np.float16))

@@ -50,6 +50,7 @@ def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
             "transforms": to_base(grasps.object_from_grasp, base_m, given.closing_axis or "x").tolist(),
             # GraspGen indexes with them: booleans select, numbers would not.
             "object_in_gripper": labelled(grasps, "GraspGen").tolist(),
+            "confidence": [None if np.isnan(share) else share for share in grasps.p_held.tolist()],
             "contacts_m": [[None if np.isnan(at).any() else at.tolist() for at in pair] for pair in grasps.contacts_m],
         },
     }

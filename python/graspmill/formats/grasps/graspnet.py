@@ -40,11 +40,12 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
 
 
 def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
-    """As ``graspmill objects annotate --format graspnet``: only grasps that held. Where nothing was measured, the score
-    is the set's, or else 1; where even its own friction is too small, 0."""
+    """As ``graspmill objects annotate --format graspnet``: only grasps that held. Where no friction was measured, the score
+    is ``p_held``, or the set's, or else 1; where even its own friction is too small, 0."""
     kept = good(grasps)
     rows = np.zeros((len(kept), 17))
     other = np.where(np.isnan(kept.score) | (grasps.held is not None), 1.0, kept.score)
+    other = np.where(np.isnan(kept.p_held), other, kept.p_held)
     other = np.where(np.isnan(kept.tug_max_g), other, 0.0)
     rows[:, 0] = np.where(np.isnan(kept.friction_min), other, np.maximum(SCORE - kept.friction_min, 0.0))
     rows[:, 1] = np.nan_to_num(kept.width_m)

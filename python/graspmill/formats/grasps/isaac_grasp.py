@@ -59,8 +59,10 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
     points = [_three(key, grasp[key]) for grasp in grasps.values() for key in ("bite_point", "pregrasp_bite_point") if key in grasp]
     x_m, y_m, _ = np.abs(np.reshape(points, (-1, 3))).sum(axis=0)
     score, opening = np.array(confidences, np.float64), np.array(openings_m, np.float64)
-    # The editor writes 0 for what escaped, 0.5 for what was lost later, 1 for what was kept. Others are a network's.
-    held = score == 1.0 if np.isin(score, (0.0, 0.5, 1.0)).all() else None
+    # Ours say both. The editor writes 0 for what escaped, 0.5 for what was lost later, 1 for what was kept; others are a network's.
+    told = [grasp.get("held") for grasp in grasps.values()]
+    is_ours = all(isinstance(one, bool) for one in told)
+    held = np.array(told, bool) if is_ours else score == 1.0 if np.isin(score, (0.0, 0.5, 1.0)).all() else None
     frame = data.get("gripper_frame", data.get("gripper_frame_link"))
     opening_m_max = None if np.isnan(opening).all() else float(np.nanmax(opening))
     gripper = {"name": None if frame is None else word("gripper_frame", frame), "opening_m_max": opening_m_max}
@@ -71,6 +73,7 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
         "scale_m": _arrays.number("object_scale", data.get("object_scale", 1.0), 0.0, 1e9),
         "object_from_grasp": from_base(bases, base_m, given.closing_axis or ("x" if x_m > y_m else "y")),
         "held": held,
+        **({"p_held": score} if is_ours else {}),
         "score": score,
         "width_m": np.array(widths_m, np.float64),
         "opening_m": opening,
@@ -80,9 +83,13 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
 
 
 def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
-    """As ``graspmill objects annotate --format isaac_grasp``. Of sets without labels the score is the confidence."""
+    """As ``graspmill objects annotate --format isaac_grasp``. The confidence is ``p_held``, or else 1 for held; of sets without
+    labels the score."""
     bases = to_base(grasps.object_from_grasp, given.known_m(grasps.base_to_tips_m, "the set"), given.closing_axis or "y")
     confidences = grasps.score if grasps.held is None else grasps.held.astype(np.float64)
+    held = None if np.isnan(grasps.p_held).all() else grasps.held
+    if held is not None:
+        confidences = np.where(np.isnan(grasps.p_held), confidences, grasps.p_held)
     if not ((confidences >= 0.0) & (confidences <= 1.0)).all():
         rule = "held, or a score from 0 to 1, must be known for isaac_grasp"
         raise InputError(f"{rule}, got neither: dataclasses.replace(grasps, held=…) states it")
@@ -97,6 +104,7 @@ def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
             f"  grasp_{number}:",
             # With one decimal if that says all, as labels do.
             f"    confidence: {confidences[number]:.{1 if round(confidences[number], 1) == confidences[number] else 8}f}",
+            *([] if held is None else [f"    held: {str(held[number]).lower()}"]),
             f"    position: [{', '.join(f'{one:.7f}' for one in base[:3, 3])}]",
             f"    orientation: {{w: {w}, xyz: [{x}, {y}, {z}]}}",
         ]
