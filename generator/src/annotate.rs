@@ -20,7 +20,7 @@ use schema::{
 };
 use simulator::{Execution, FloatingWorld, Grip, Hold, Load, Motion};
 
-use self::bearing::{G_M_S2, HOLD, loads, sides};
+use self::bearing::{HOLD, loads, pull, sides};
 pub use self::bearing::{PHYSICS, PROCEDURE};
 use self::doubt::Fingers;
 use self::draw::{Draw, Supply};
@@ -36,10 +36,6 @@ const CHUNK: usize = 1_024;
 /// Points that measure what is covered, and how near a contact must be.
 const COVERAGE_NUMBERS: u64 = 2_000;
 const COVERED_M: f32 = 0.01;
-/// A grip gives way when the object moves further.
-const TIGHT: Hold = Hold { moved_m_max: 0.001, turned_rad_max: 0.05 };
-/// How long a pull lasts, in seconds.
-const MARGIN_S: f32 = 0.125;
 /// Pulls between which the strongest is looked for, in g.
 const TUG_G: [f32; 2] = [0.125, 64.0];
 /// Halvings that find the strongest pull, within 3 %, and the smallest share of the friction, within a 256th.
@@ -214,24 +210,24 @@ impl<'a> Bench<'a> {
     }
 
     fn margins(&self, grip: &Grip<'_>) -> Margins {
-        let pull =
-            |direction: Vec3, g: f32| Load::Pull { acceleration_m_s2: direction * (g * G_M_S2), time_s: MARGIN_S };
         // The least over the directions: one that bears as much as the weakest so far needs no search.
         let [weakest_g, strongest_g] = TUG_G;
         let (mut tug_max_g, mut friction) = (strongest_g, 0.0_f32);
         for direction in sides() {
-            let bears = |g: f32| grip.bear(&pull(direction, g), &TIGHT, 1.0).is_held;
+            let bears = |g: f32| grip.bear(&pull(direction, g), &HOLD, 1.0).is_held;
             if bears(tug_max_g) {
                 continue;
             }
-            if !bears(weakest_g) {
+            // Its own weight is asked for as the tests do, so that margins and outcomes agree.
+            let ends = if tug_max_g > 1.0 && bears(1.0) { [1.0, tug_max_g] } else { [weakest_g, tug_max_g.min(1.0)] };
+            if ends[0] < 1.0 && !bears(weakest_g) {
                 tug_max_g = 0.0;
                 break;
             }
-            tug_max_g = last_borne([weakest_g, tug_max_g], |[low, high]| (low * high).sqrt(), bears);
+            tug_max_g = last_borne(ends, |[low, high]| (low * high).sqrt(), bears);
         }
         for direction in sides() {
-            let bears = |share: f32| grip.bear(&pull(direction, 1.0), &TIGHT, share).is_held;
+            let bears = |share: f32| grip.bear(&pull(direction, 1.0), &HOLD, share).is_held;
             if tug_max_g < 1.0 {
                 break;
             }
