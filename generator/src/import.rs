@@ -36,6 +36,9 @@ use crate::models::Models;
 const WIDTH_CORNERS: usize = 64;
 /// Maximum accepted length of the longest side.
 const LONGEST_M: f64 = 10.0;
+/// Maximum distance of its middle from the origin along an axis: files, and grasps in their frame, have single
+/// precision, whose steps are 8 µm there, and 1 mm at 10 km.
+const FAR_M: f64 = 100.0;
 /// How much coarser parts become, as a share of the corners asked for, where finer ones are refused.
 const COARSER: [f64; 3] = [0.75, 0.5, 0.25];
 /// Fewest corners of a part, which `--corners-max` can ask for.
@@ -220,11 +223,12 @@ impl Import<'_> {
             None => (read_mesh(file, file, scale_m)?, None),
         };
         let measured = Measured::of(mesh);
-        let longest_m = measured.extents_m.max_element();
-        if longest_m > LONGEST_M {
+        let (longest_m, far_m) = (measured.extents_m.max_element(), measured.middle_m.abs().max_element());
+        let limits = [(longest_m, LONGEST_M, "long"), (far_m, FAR_M, "from the origin of its file")];
+        if let Some((got_m, most_m, what)) = limits.into_iter().find(|(got_m, most_m, _)| got_m > most_m) {
             let (file, scale) = (file.display(), scale_m * 0.001);
             return Err(unusable(format!(
-                "it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}"
+                "it must be at most {most_m} m {what}, got {got_m} m: in millimetres? --scale {scale}: {file}"
             )));
         }
         let of_file = mass_kg.filter(|_| params.density.is_none() && own.density_kg_m3.is_none());

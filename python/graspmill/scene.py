@@ -27,6 +27,8 @@ HITS: tuple[str, ...] = tuple(_native.Dataset.names()[1])
 
 #: Longest object, in metres.
 EXTENT_M_MAX = 2.0
+#: Farthest corner of a mesh from its origin along an axis, in metres: single precision has steps of 8 µm there.
+FAR_M_MAX = 100.0
 #: Parts that leave a mesh's surface by more than this are warned of, in metres.
 OFF_M = 0.002
 #: Density of objects whose mass is not given, in kg/m³: the middle of the range of ``paper.toml``.
@@ -131,6 +133,8 @@ class Object(Immutable):
         corners = _arrays.floats("mesh vertices", vertices, (None, 3))
         if len(corners) and (size_m := float(np.ptp(corners, axis=0).max())) > EXTENT_M_MAX:
             raise InputError(f"mesh vertices must be within {EXTENT_M_MAX:g} m of each other, got {size_m:g}: are they in metres?")
+        far_m = float(np.abs(corners).max(initial=0.0))
+        _arrays.must(far_m <= FAR_M_MAX, f"mesh vertices must be within {FAR_M_MAX:g} m of their origin, got {far_m:g}: move them there")
         triangles = _arrays.numbered("mesh faces", faces, (None, 3), len(corners), "vertices")
         _arrays.must(len(triangles), "mesh faces must not be empty")
         limits = _arrays.whole("parts_max", parts_max, 1, 1024), _arrays.whole("corners_max", corners_max, 8, 256)

@@ -307,6 +307,7 @@ def test_wrong_arguments_are_named_with_rule_and_value(scene, planner, dataset):
     refused("objects must be", lambda: graspmill.Scene([1]))
     refused("faces", lambda: graspmill.Object.mesh((np.zeros((3, 3)), [[0, 1, 7]]), CENTRE))
     refused("mesh", lambda: graspmill.Object.mesh((np.zeros((3, 3)), [[0, 1, 2]]), CENTRE))
+    refused("within 100 m of their origin, got 10000", lambda: graspmill.Object.mesh((BOX_MESH[0] + 1e4, BOX_MESH[1]), CENTRE))
     refused("float dtype.*divide", lambda: planner.plan((1000 * depth).astype(np.uint16), camera))
     refused("shape .height, width.", lambda: planner.plan(depth.T, camera))
     refused("as many cameras", lambda: planner.plan([depth, depth], [camera]))

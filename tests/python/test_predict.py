@@ -155,6 +155,8 @@ def test_what_is_wrong_is_named_in_the_contracts_words(service, scene):
         ({"point_cloud": good, "scene_points": encoded(bad)}, 422, "invalid_geometry", "scene_points[0]"),
         ({"point_cloud": good}, 422, "invalid_geometry", "must show the table"),
         (asked(scene, down=[0, 0, 0]), 422, "invalid_geometry", "down"),
+        (asked((scene[0] + 1e4, scene[1] + 1e4, None), np.float64, eye_m=[1e4] * 3), 422, "invalid_geometry", "within 100 m of the origin"),
+        (asked(scene, eye_m=[1e4] * 3), 422, "invalid_geometry", "got [10000, 10000, 10000]: point_cloud, eye_m"),
         (asked(scene, num_grasps=0), 422, "invalid_request", "1 or more, got 0: num_grasps"),
         (asked(scene, num_grasps="many"), 422, "invalid_request", "num_grasps"),
         ({}, 422, "invalid_request", "missing field `point_cloud`"),

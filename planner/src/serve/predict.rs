@@ -31,6 +31,9 @@ const SERVER: &str = env!("CARGO_PKG_VERSION");
 const POINTS_MIN: usize = 32;
 /// Most points of a request.
 const POINTS_MAX: usize = 1_000_000;
+/// Farthest of an object and of the camera from the origin along an axis, in metres: single precision has steps of 8 µm
+/// there, and of 1 mm at 10 km.
+const FAR_M: f32 = 100.0;
 /// Most grasps if a request does not say how many.
 const GRASPS: usize = 20;
 
@@ -147,6 +150,10 @@ pub(super) fn predict_bytes(planner: &Planner, frame: GraspFrame, body: &[u8]) -
     let of_input = |error: InputError| geometry(error.to_string());
     // The table is looked for as a camera at the origin sees it.
     let eye_m = input.eye_m.map_or(Ok(Vec3::ZERO), |at_m| point(at_m, "eye_m")).map_err(of_input)?;
+    let is_far = |at_m: &&Vec3| at_m.abs().max_element() > FAR_M;
+    if let Some(far_m) = object_m.iter().chain([&eye_m]).find(is_far) {
+        return Err(geometry(format!("must be within {FAR_M} m of the origin, got {far_m}: point_cloud, eye_m")));
+    }
     object_m.iter_mut().chain(&mut points_m).for_each(|at_m| *at_m -= eye_m);
     let wanted = RequestInput { down: input.down, ..RequestInput::default() };
     let mut wanted: PlanOptions = options(&wanted, true).map_err(of_input)?;

@@ -317,6 +317,16 @@ fn a_mass_that_no_object_has_names_the_unit() {
 }
 
 #[test]
+fn a_mesh_whose_size_single_precision_would_change_is_refused() {
+    let dir = with_meshes();
+    let (corners, triangles) = prism(&SQUARE, &SQUARE_CAP, 40.0);
+    let far = corners.into_iter().map(|[x, y, z]| [x + 1e7, y, z]).collect();
+    obj(&dir.path().join("far.obj"), (far, triangles));
+    let refused = program(&dir, &["objects", "import", "far.obj", "--scale", "0.001", "--out", "x.toml"]);
+    check_fails(&refused, 78, &["at most 100 m from the origin of its file, got 10000", "far.obj"]);
+}
+
+#[test]
 fn the_unit_is_guessed_and_said() {
     let dir = with_meshes();
     let told = check_ok(&program(&dir, &["objects", "import", "meshes", "--out", "x.toml"]));
