@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use settings::{Document, Reader, Setting as _, Value, settings};
+use settings::{Document, Reader, Setting as _, Value, faults_of, settings};
 
 use crate::{Pose, Quat, Vec3};
 
@@ -172,6 +172,12 @@ impl Gripper {
     /// All that is wrong with the text.
     pub fn from_toml(text: &str) -> Result<Self, settings::Error> {
         Document::parse(text, Path::new("gripper"))?.read_as("gripper")
+    }
+
+    /// What of it is out of its ranges, if no settings were read for it.
+    #[must_use]
+    pub fn faults(&self) -> Vec<String> {
+        faults_of(self, "gripper")
     }
 
     /// Its numbers, by their keys.

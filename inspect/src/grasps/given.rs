@@ -10,9 +10,6 @@ use shards::{PlainColumn, read_plain_table};
 
 use super::stored::{GRASPS_MAX, poses};
 
-/// Quaternions have the length 1, up to this.
-const LENGTH_ERROR_MAX: f32 = 1e-3;
-
 /// The grasps of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GivenGrasps {
@@ -37,17 +34,13 @@ impl GivenGrasps {
         }
         let columns: BTreeMap<String, PlainColumn> = read_plain_table(path, GRASPS_MAX)?.into_iter().collect();
         let wrong = |text: String| Failure::new(ExitCode::Data, format!("{text}: {}", path.display()));
-        let unit = |pose: Pose| {
-            let is_unit = (pose.rotation.length() - 1.0).abs() <= LENGTH_ERROR_MAX;
-            is_unit.then(|| Pose::from_parts(pose.translation, pose.rotation.normalize()))
-        };
-        let object_from_grasps = poses(&columns).map_err(wrong)?.into_iter().map(unit).collect::<Option<Vec<_>>>();
+        let unit = |pose: Pose| Pose::from_parts(pose.translation, pose.rotation.normalize());
+        let object_from_grasps = poses(&columns).map_err(wrong)?.into_iter().map(unit).collect();
         let held = match columns.get("held") {
             Some(PlainColumn::Whole(held)) => Some(held.iter().map(|held| *held == 1).collect()),
             _ => None,
         };
-        let rule = || wrong("a grasp must have a rotation".to_owned());
-        Ok(Self { object_from_grasps: object_from_grasps.ok_or_else(rule)?, held })
+        Ok(Self { object_from_grasps, held })
     }
 
     /// How far the file's labels agree with those of a set of the same grasps: `given_held`, `same` of `grasps`, and

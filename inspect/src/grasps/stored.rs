@@ -5,8 +5,8 @@ use std::path::Path;
 
 use program::{Context as _, ExitCode, Failure};
 use schema::{
-    GraspSource, GripTest, Gripper, Margins, ObjectGrasp, ObjectGrasps, Outcome, Polyhedron, Pose, Quat, StablePose,
-    Vec3,
+    GraspSource, GripTest, Gripper, Margins, ObjectGrasp, ObjectGrasps, Outcome, PARTS_MAX, Polyhedron, Pose, Quat,
+    StablePose, Vec3,
 };
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -18,6 +18,8 @@ use super::{CONTACTS, TABLE};
 /// The largest `NAME.json` that is read, and the most grasps.
 const INFO_BYTES_MAX: u64 = 1 << 24;
 pub(super) const GRASPS_MAX: usize = 1_000_000;
+/// Quaternions have the length 1, up to this.
+const LENGTH_ERROR_MAX: f32 = 1e-3;
 
 /// The names of the sets in a folder, in order.
 ///
@@ -76,24 +78,29 @@ pub fn read_grasp_set(folder: &Path, name: &str) -> Result<ObjectGrasps, Failure
     let info: Info = parse(&bytes).map_err(|text| wrong(text, &path))?;
     let rule = |what: &str| wrong(format!("{what} must be as graspmill objects annotate writes it"), &path);
     let test = GripTest::from_name(&info.test).ok_or_else(|| rule("test"))?;
+    if let Some(fault) = info.gripper.faults().pop() {
+        return Err(wrong(fault, &path));
+    }
     let hull = |corners: &Vec<[f32; 3]>| {
         let corners_m: Vec<Vec3> = corners.iter().copied().map(Vec3::from_array).collect();
         let is_finite = corners_m.iter().all(|corner| corner.is_finite());
         Polyhedron::hull_of(&corners_m).ok().filter(|_| is_finite).ok_or_else(|| rule("object.parts_m"))
     };
+    // What the file says cannot lead elsewhere.
+    let table = folder.join(format!("{name}{TABLE}"));
     let About { name, file, scale_m, warnings, extents_m, centre_of_mass_m, parts_m, mass_kg, friction } = info.object;
-    let parts = parts_m.iter().map(hull).collect::<Result<Vec<_>, _>>()?;
-    if parts.is_empty() || !(mass_kg > 0.0 && friction >= 0.0) {
+    let is_solid = (1..=PARTS_MAX).contains(&parts_m.len()) && (mass_kg + friction).is_finite();
+    if !(is_solid && mass_kg > 0.0 && friction >= 0.0) {
         return Err(rule("object"));
     }
+    let parts = parts_m.iter().map(hull).collect::<Result<Vec<_>, _>>()?;
     let stable = |one: Stable| StablePose {
         table_from_object: pose(one.position_m, one.quaternion_xyzw),
         probability: one.probability,
     };
     let stable_poses: Vec<StablePose> = info.stable_poses.into_iter().map(stable).collect();
-    let path = folder.join(format!("{name}{TABLE}"));
-    let columns: BTreeMap<String, PlainColumn> = read_plain_table(&path, GRASPS_MAX)?.into_iter().collect();
-    let grasps = grasps(&columns, stable_poses.len()).map_err(|text| wrong(text, &path))?;
+    let columns: BTreeMap<String, PlainColumn> = read_plain_table(&table, GRASPS_MAX)?.into_iter().collect();
+    let grasps = grasps(&columns, stable_poses.len()).map_err(|text| wrong(text, &table))?;
     Ok(ObjectGrasps {
         name,
         file,
@@ -136,7 +143,9 @@ pub(super) fn poses(columns: &BTreeMap<String, PlainColumn>) -> Result<Vec<Pose>
     let at = |row: usize| {
         let number = |column: &&[Option<f32>]| column.get(row).copied().flatten().filter(|number| number.is_finite());
         let at = place.iter().map(number).collect::<Option<Vec<f32>>>().ok_or("a grasp must have a pose")?;
-        Ok(pose([at[0], at[1], at[2]], [at[3], at[4], at[5], at[6]]))
+        let at = pose([at[0], at[1], at[2]], [at[3], at[4], at[5], at[6]]);
+        let is_rotation = (at.rotation.length() - 1.0).abs() <= LENGTH_ERROR_MAX;
+        if is_rotation { Ok(at) } else { Err("a grasp must have a rotation".to_owned()) }
     };
     (0..place[0].len()).map(at).collect()
 }
@@ -273,6 +282,7 @@ mod tests {
             ("\"tug\"", "\"pull\"", "test"),
             ("\"mass_kg\":", "\"mass\":", "mass_kg"),
             ("\"parts_m\":[[", "\"parts_m\":[[],[", "parts_m"),
+            ("\"finger_force_n\":20.0", "\"finger_force_n\":-1.0", "finger_force_n must be between"),
         ] {
             assert!(info.contains(from), "{from}: {info}");
             write("cube.json", info.replace(from, to).as_bytes());
@@ -280,5 +290,13 @@ mod tests {
             assert_eq!(error.exit_code(), ExitCode::Data, "{error}");
             assert!(error.to_string().contains(said), "{error}");
         }
+        write("cube.json", info.replace("\"name\":\"cube\"", "\"name\":\"../cube\"").as_bytes());
+        assert_eq!(read_grasp_set(place.path(), "cube").unwrap().grasps, set.grasps);
+        let mut turned = set;
+        turned.grasps[3].object_from_grasp.rotation = Quat::from_xyzw(0.0, 0.0, 0.0, 1e30);
+        write("cube.parquet", &grasps_table(&turned).unwrap());
+        let error = read_grasp_set(place.path(), "cube").unwrap_err();
+        assert_eq!(error.exit_code(), ExitCode::Data, "{error}");
+        assert!(error.to_string().contains("a grasp must have a rotation"), "{error}");
     }
 }
