@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from grasp_sets import graspmill, refused
+from grasp_sets import ALIASES, graspmill, refused
 from graspmill.formats.captures import cloud, lens  # noqa: E402
 from programs import packaged  # noqa: E402
 
@@ -142,6 +142,7 @@ def test_what_the_native_half_reads_or_refuses_is_left(tmp_path, text):
         ("k: [525, 0", "not intrinsics: .*lens"),
         ("k: " + "[" * 5000, "not intrinsics: .*lens"),
         (REALSENSE * 2, "one RealSense profile, got 2"),
+        (f"{ALIASES}K: *-8\n", "without aliases.*lens"),
     ],
 )
 def test_what_is_no_lens_is_refused(tmp_path, text, expected):

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 from programs import changed
-from grasp_sets import ABOVE, ENDINGS, ObjectGrasps, again, many, one_above, read_grasps, refused
+from grasp_sets import ABOVE, ALIASES, ENDINGS, ObjectGrasps, again, many, one_above, read_grasps, refused
 
 
 def test_damaged_graspgen_files_are_refused(tmp_path):
@@ -60,6 +60,8 @@ def test_damaged_isaac_grasp_files_are_refused(tmp_path):
     for text in ("{", "a: [", "x: !!python/object/apply:os.system [ls]", "\x00"):
         path.write_text(text)
         refused("the file must be YAML", lambda: again(path, "isaac_grasp"))
+    path.write_text(f"{ALIASES}format: *-8\n")
+    refused("the file must be YAML without aliases.*set.yaml", lambda: again(path, "isaac_grasp"))
 
 
 def test_damaged_arrays_are_refused(tmp_path):

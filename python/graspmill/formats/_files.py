@@ -84,6 +84,15 @@ def module(name: str, what: str, extra: str = "grasps") -> Any:
         raise InputError(f"{what} needs {pip}: pip install graspmill[{extra}]") from error
 
 
+def yaml_for(text: bytes, what: str) -> tuple[Any, Any]:
+    """PyYAML and its fastest safe loader. Aliases are refused: with them 700 bytes are more than any memory holds."""
+    yaml = module("yaml", what)
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    has_aliases = b"*" in text and any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, loader))
+    _arrays.must(not has_aliases, "the file must be YAML without aliases (*name)")
+    return yaml, loader
+
+
 def loaded_json(path: str) -> Any:
     """What a JSON file holds."""
     try:

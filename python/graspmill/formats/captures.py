@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from .. import _arrays, _native
 from ..cameras import Camera
 from ..errors import DataError, InputError
-from ._files import module
+from ._files import yaml_for
 
 _ORDERS = {"ascii": "", "binary": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 _PLY = dict(zip("char uchar short ushort int uint float double".split(), "i1 u1 i2 u2 i4 u4 f4 f8".split()))
@@ -113,8 +113,9 @@ def _loaded(text: str) -> Any:
     # What is long, or has aliases, may be without end as YAML.
     if len(text) > 1 << 20 or not re.search(r"^[ -]*\w+:(\s|$)", text, re.M) or re.search(r"[-:,\[]\s*\*\w", text):
         return None
-    plain = re.sub("^%.*|!!opencv-matrix", "", text, flags=re.M)  # of several messages the first is taken
-    return next(filter(None, module("yaml", "a file of intrinsics in YAML").safe_load_all(plain)), None)
+    plain = re.sub("^%.*|!!opencv-matrix", "", text, flags=re.M).encode()
+    yaml, loader = yaml_for(plain, "a file of intrinsics in YAML")
+    return next(filter(None, yaml.load_all(plain, loader)), None)  # of several messages the first is taken
 
 
 def _ours(keys: dict[str, Any]) -> dict[str, Any]:

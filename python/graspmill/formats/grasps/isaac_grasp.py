@@ -12,7 +12,7 @@ import numpy as np
 from ... import _arrays
 from ...errors import InputError
 from ...object_grasps import GRASPS_MAX, ObjectGrasps
-from .._files import module
+from .._files import yaml_for
 from ._parts import PANDA_JOINT, PANDA_NAMES, GripperFrame, about, from_base, gripper_name, opening_m, to_base, word
 
 WHAT = "YAML"
@@ -41,9 +41,9 @@ def _row(name: str, value: object) -> tuple[list[float], float, float, float]:
 
 
 def read(path: str, given: GripperFrame) -> dict[str, Any]:
-    yaml = module("yaml", "isaac_grasp")
-    with open(path, "rb") as file:
-        data = _arrays.table("the file", yaml.load(file, getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
+    text = Path(path).read_bytes()
+    yaml, loader = yaml_for(text, "isaac_grasp")
+    data = _arrays.table("the file", yaml.load(text, loader))
     _arrays.must(data.get("format") == "isaac_grasp", "format must be isaac_grasp", data.get("format"))
     if str(version := data.get("format_version")) not in ("1.0", "1"):
         warnings.warn(f"format_version is {_arrays.shown(version)}, and is read as 1.0: {path}", stacklevel=3)
