@@ -124,10 +124,33 @@ def test_damaged_acronym_files_are_refused(tmp_path):
     with h5py.File(tmp_path / "group.h5", "w") as file:
         file.create_group("grasps/transforms")
     refused("must be an array", lambda: read_grasps(tmp_path / "group.h5"))
+    with h5py.File(tmp_path / "large.h5", "w") as file:
+        file.create_dataset("grasps/transforms", (3, 4, 4), "f4", maxshape=(None, 4, 4), chunks=(2**24, 4, 4))
+    refused("must be an array of at most", lambda: read_grasps(tmp_path / "large.h5"))
     whole = path.read_bytes()
     for bad in (b"", b"no HDF5", whole[:900]):
         (tmp_path / "bad.h5").write_bytes(bad)
         refused("must be ACRONYM's HDF5|must be in the file", lambda: read_grasps(tmp_path / "bad.h5"))
+
+
+def test_hdf5_is_not_followed_into_other_files(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    other, key = str(many(3).save(tmp_path / "other.h5")), "grasps/transforms"
+    virtual = h5py.VirtualLayout((3, 4, 4), "f8")
+    virtual[:] = h5py.VirtualSource(other, key, (3, 4, 4))
+    ways = {
+        "link": lambda file: file.__setitem__(key, h5py.ExternalLink(other, key)),
+        "group": lambda file: file.__setitem__("grasps", h5py.ExternalLink(other, "grasps")),
+        "soft": lambda file: file.update({"elsewhere": h5py.ExternalLink(other, "grasps"), "grasps": h5py.SoftLink("/elsewhere")}),
+        "raw": lambda file: file.create_dataset(key, (3, 4, 4), "f4", external=[(other, 0, 192)]),
+        "virtual": lambda file: file.create_virtual_dataset(key, virtual),
+    }
+    for name, way in ways.items():
+        path = many(3).save(tmp_path / f"{name}.h5")
+        with h5py.File(path, "a") as file:
+            del file["grasps"]
+            way(file)
+        refused(f"must be in the file itself.*{name}.h5", lambda: read_grasps(path))
 
 
 def test_paths_and_arguments_are_checked(tmp_path, monkeypatch):

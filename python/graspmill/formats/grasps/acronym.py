@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from ._parts import GripperFrame, about, from_base, gripper_name, labelled, open
 WHAT = "ACRONYM's HDF5"
 #: From the origin of its frame to the tips, in metres: 0.11217 in its marker, 0.11225 in its mesh of the gripper.
 BASE_TO_TIPS_M = 0.1122
+#: Of an array: 16 numbers a grasp.
+BYTES_MAX = 16 * 8 * GRASPS_MAX
 FLEX = "grasps/qualities/flex/"
 MOTIONS = {
     "closing_moved_m": "object_motion_during_closing_linear",
@@ -33,21 +36,34 @@ def _products_negated(inertia: Numbers) -> Numbers:
     return 2.0 * np.diag(np.diag(inertia)) - inertia
 
 
+def _bytes(array: Any) -> int:
+    """The memory that an array takes, or a chunk of it, which is read as a whole."""
+    return int(array.dtype.itemsize) * max(array.size, math.prod(array.chunks or ()))
+
+
 def read(path: str, given: GripperFrame) -> dict[str, Any]:
     h5py = module("h5py", "a file of ACRONYM")
 
     def value(key: str, shape: tuple[int, ...] | None = None, has_gaps: bool = False) -> Any:
-        found = file.get(key)
-        if found is None:
-            return None
-        if not isinstance(found, h5py.Dataset) or found.size is None or found.size > 16 * GRASPS_MAX:
+        found: Any = file
+        for name in map(str.encode, key.split("/")):
+            if not found.id.links.exists(name):
+                return None
+            # A link would be followed into other files of this machine.
+            is_own = found.id.links.get_info(name).type == h5py.h5l.TYPE_HARD
+            _arrays.must(is_own, f"{key} must be in the file itself, got a link")
+            found = found[name]
+        if not isinstance(found, h5py.Dataset) or found.size is None or _bytes(found) > BYTES_MAX:
             raise InputError(f"{key} must be an array of at most {GRASPS_MAX} grasps, got {_arrays.shown(found)}")
+        _arrays.must(not (found.external or found.is_virtual), f"{key} must be in the file itself, got an array of another file")
         return found[()] if shape is None else _arrays.numbers(key, found[()], shape, has_gaps=has_gaps)
 
     with h5py.File(path, "r") as file:
-        _arrays.entry("grasps/transforms", {"grasps/transforms": 0} if "grasps/transforms" in file else dict.fromkeys(file))
+        transforms = value("grasps/transforms")
+        if transforms is None:
+            _arrays.entry("grasps/transforms", dict.fromkeys(file))
         base_m = given.known_m(BASE_TO_TIPS_M, "ACRONYM")
-        bases = _arrays.rigid("grasps/transforms", value("grasps/transforms"), GRASPS_MAX)
+        bases = _arrays.rigid("grasps/transforms", transforms, GRASPS_MAX)
         held = value(FLEX + "object_in_gripper")
         motions = {ours: value(FLEX + theirs, (len(bases),), True) for ours, theirs in MOTIONS.items()}
         solid = {ours: value(f"object/{theirs}", shape) for ours, (theirs, shape) in SOLID.items()}
