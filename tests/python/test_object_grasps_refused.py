@@ -3,6 +3,7 @@
 import io
 import json
 import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -86,6 +87,11 @@ def test_damaged_arrays_are_refused(tmp_path):
     huge = buffer.getvalue().replace(b"(2, 17)", b"(9999999999, 17)")[:128]
     (tmp_path / "huge.npy").write_bytes(huge)
     refused("N at most 1000000|must be an .npy", lambda: read_grasps(tmp_path / "huge.npy"))
+    (tmp_path / "head.npy").write_bytes(head := b"\x93NUMPY\x02\x00" + (2**31).to_bytes(4, "little"))
+    with zipfile.ZipFile(tmp_path / "head.npz", "w") as file:
+        file.writestr("transforms.npy", head)
+    for name in ("head.npy", "head.npz"):
+        refused(rf"must be an .npy of version 1.0, got \(2, 0\).*{name}", lambda: read_grasps(tmp_path / name))
     np.savez(tmp_path / "other.npz", poses=np.eye(4)[None])
     refused("with the array transforms", lambda: read_grasps(tmp_path / "other.npz"))
     np.savez(tmp_path / "flat.npz", transforms=np.eye(4))

@@ -97,8 +97,9 @@ def part(grasps: ObjectGrasps, name: str) -> dict[str, Any]:
 def array(name: str, file: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     """An array of a ``.npy``, whose shape ``[N, *shape]`` is checked before memory is taken for it."""
     version = np.lib.format.read_magic(file)
-    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    found, _, dtype = header(file)
+    # Heads of later versions have up to 4 GiB. Plain numbers need none.
+    _arrays.must(version == (1, 0), f"{name} must be an .npy of version 1.0", version)
+    found, _, dtype = np.lib.format.read_array_header_1_0(file)
     if found[1:] != shape or not found or found[0] > GRASPS_MAX or dtype.kind not in "fiu":
         wanted = f"numbers of the shape [{', '.join(['N', *map(str, shape)])}], N at most {GRASPS_MAX}"
         raise InputError(f"{name} must be {wanted}, got {dtype} {list(found)}")
