@@ -171,8 +171,17 @@ def _answer(work: _native.Experiment, planner: Callable[[Look], Planned], look: 
         raise
     except Exception as error:  # whatever it is, it is the function's answer
         last = traceback.extract_tb(error.__traceback__)[-1]
-        where = f"{type(error).__name__}: {error} ({os.path.basename(last.filename)}, line {last.lineno})"
-        work.fail(str(error) if isinstance(error, NoAnswer) else where)
+        where = f"({os.path.basename(last.filename)}, line {last.lineno})"
+        told = _text(error) if isinstance(error, NoAnswer) else f"{type(error).__name__}: {_text(error)} {where}"
+        work.fail(told.encode(errors="replace").decode())
+
+
+def _text(error: Exception) -> str:
+    """What an exception says. Its text is made by code of the function's, too."""
+    try:
+        return str(error)
+    except Exception as worse:
+        return f"its text raised {type(worse).__name__}"
 
 
 def _offers(planned: Any, look: Look) -> list[tuple[list[float], float, float | None, float | None]]:

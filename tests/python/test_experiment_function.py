@@ -99,9 +99,24 @@ def broken(_):
     raise RuntimeError("out of coffee")
 
 
+class Wordless(Exception):
+    def __str__(self):
+        raise LookupError("no words")
+
+
+def wordless(_):
+    raise Wordless
+
+
+def half_a_letter(_):
+    raise RuntimeError("file \udcff is gone")
+
+
 def test_what_a_function_does_ends_the_round_and_not_the_run(tmp_path):
     ways = [
         (broken, "RuntimeError: out of coffee (test_experiment_function.py, line "),
+        (wordless, "Wordless: its text raised LookupError (test_experiment_function.py, line "),
+        (half_a_letter, "RuntimeError: file ? is gone (test_experiment_function.py, line "),
         (lambda _: None, "must be a Plan, or poses and scores, got None"),
         (lambda _: [np.eye(4)], "must be a Plan, or poses and scores"),
         (lambda _: (np.eye(4)[None], [np.nan]), "scores"),
