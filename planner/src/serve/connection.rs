@@ -3,7 +3,8 @@
 //! axum has no limit for the time of a request's header, nor for that in which an answer is read. Here one rule limits
 //! both: when no request is under way, the header of the next one must be complete within `silence_max`. (During a
 //! request the request's own limit applies.) After the last answer the connection is read for another moment: closing
-//! with unread bytes makes the system send a reset, and the client would lose the answer.
+//! with unread bytes makes the system send a reset, and the client would lose the answer. A client that closes its half
+//! of the connection after its request still reads the answer, so it is planned for.
 
 use std::pin::{Pin, pin};
 use std::time::Duration;
@@ -41,7 +42,7 @@ pub(super) async fn converse(
         busy.send_replace(false);
         answer
     });
-    let mut connection = http1::Builder::new().serve_connection(TokioIo::new(stream), answer);
+    let mut connection = http1::Builder::new().half_close(true).serve_connection(TokioIo::new(stream), answer);
     let mut silence = pin!(async {
         while is_busy.wait_for(|busy| !busy).await.is_ok() && timeout(silence_max, is_busy.changed()).await.is_ok() {}
     });

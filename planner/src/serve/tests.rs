@@ -1,7 +1,7 @@
 //! The service over real sockets, with a mock planner that follows commands in the body.
 
 use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::net::{Shutdown, TcpStream};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 
@@ -188,6 +188,21 @@ fn who_finds_no_place_is_turned_away_while_health_answers() {
     assert!(service.ask(&get_request("/healthz")).ends_with("ok"));
     go.store(true, Ordering::Relaxed);
     assert!(waiting.join().unwrap().starts_with("HTTP/1.1 200"));
+    service.end();
+}
+
+#[test]
+fn who_closes_the_half_that_was_written_still_reads_the_answer() {
+    let go = Arc::new(AtomicBool::new(false));
+    let service = start(options(), &go);
+    let mut stream = TcpStream::connect(service.address).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+    stream.write_all(plan_request("wait").as_bytes()).unwrap();
+    stream.shutdown(Shutdown::Write).unwrap();
+    until(|| service.shared.turns.available_permits() == 0);
+    go.store(true, Ordering::Relaxed);
+    let answer = answer_of(stream);
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
     service.end();
 }
 
