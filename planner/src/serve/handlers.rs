@@ -7,11 +7,12 @@ use std::sync::atomic::Ordering;
 
 use axum::body::Bytes;
 use axum::extract::{FromRequest, Request, State};
+use axum::http::header::CONTENT_ENCODING;
 use axum::http::{HeaderName, StatusCode};
 use axum::response::{IntoResponse, Response};
 
 use super::fault::{Fault, is_json, json_header};
-use super::{PlanBytes, Shared, Work};
+use super::{PlanBytes, Shared, Work, cut};
 
 const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
@@ -29,6 +30,11 @@ pub(super) async fn predict(State(shared): State<Arc<Shared>>, request: Request)
 async fn answer(shared: Arc<Shared>, request: Request, worker: fn(&Work) -> &PlanBytes) -> Result<Response, Fault> {
     if !is_json(request.headers()) {
         return Err(Fault::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the content type must be application/json"));
+    }
+    let coding = request.headers().get(CONTENT_ENCODING).map_or("identity", |coding| coding.to_str().unwrap_or("?"));
+    if !coding.eq_ignore_ascii_case("identity") {
+        let message = format!("the body must not be compressed, got the content-encoding {}", cut(coding));
+        return Err(Fault::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, message));
     }
     let place =
         Arc::clone(&shared.places).try_acquire_owned().map_err(|_| unavailable("too many plans are waiting"))?;

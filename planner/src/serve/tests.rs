@@ -142,6 +142,8 @@ fn every_error_is_json() {
     assert!(wrong_method.to_lowercase().contains("allow: post"), "{wrong_method}");
     let wrong_type = service.ask(&plan_request("{}").replace("application/json", "text/plain"));
     assert_error(&wrong_type, 415, "application/json");
+    let packed = service.ask(&plan_request("{}").replace("\r\n\r\n", "\r\nContent-Encoding: gzip\r\n\r\n"));
+    assert_error(&packed, 415, "must not be compressed, got the content-encoding gzip");
     service.end();
 }
 
