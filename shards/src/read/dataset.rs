@@ -14,7 +14,7 @@ use crate::format::check;
 use crate::format::frame::Expected;
 use crate::format::summary::Manifest;
 use crate::format::{decode, layout, seal};
-use crate::read::table_reader::{Batches, Part};
+use crate::read::table_reader::{Batches, Part, undecoded};
 use crate::store::{Patience, Storage, size_in, size_problem};
 use crate::{DatasetInfo, Location, SCENES_PER_ROW_GROUP, Table};
 
@@ -359,7 +359,7 @@ impl Dataset {
 
     fn wrong(&self, shard: u32, table: Table, message: &str) -> Failure {
         let at = self.storage.location(&layout::table_file(table, shard, self.info.shard_count));
-        Failure::new(ExitCode::Data, format!("shard {shard}: {message}: {at}"))
+        undecoded(format!("shard {shard}: {message}: {at}"))
     }
 }
 

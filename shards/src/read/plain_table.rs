@@ -7,9 +7,9 @@ use arrow::cast::AsArray as _;
 use arrow::types::{Float32Type, UInt64Type};
 use arrow_schema::DataType;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-use program::{Context as _, ExitCode, Failure};
+use program::{Context as _, Failure};
 
-use super::table_reader::guard;
+use super::table_reader::{guard, undecoded};
 use crate::PlainColumn;
 
 /// The columns of a file that [`crate::plain_table`] made, by their names.
@@ -18,8 +18,7 @@ use crate::PlainColumn;
 /// [`Failure`] if the file cannot be read, is damaged, has more rows than `rows_max` or columns of other types.
 pub fn read_plain_table(path: &Path, rows_max: usize) -> Result<Vec<(String, PlainColumn)>, Failure> {
     let file = File::open(path).context(format_args!("failed to read {}", path.display()))?;
-    let wrong = |text: String| Failure::new(ExitCode::Data, format!("{text}: {}", path.display()));
-    guard(|| columns(file, rows_max)).map_err(wrong)
+    guard(|| columns(file, rows_max)).map_err(|text| undecoded(format!("{text}: {}", path.display())))
 }
 
 fn columns(file: File, rows_max: usize) -> Result<Vec<(String, PlainColumn)>, String> {
@@ -56,6 +55,8 @@ fn columns(file: File, rows_max: usize) -> Result<Vec<(String, PlainColumn)>, St
 
 #[cfg(test)]
 mod tests {
+    use program::ExitCode;
+
     use super::*;
     use crate::plain_table;
 

@@ -11,11 +11,15 @@ use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
     ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder, RowSelection,
 };
+use program::{ExitCode, Failure};
 
 use crate::format::frame::{Expected, Frame};
 
 /// Prefix of an error that was a panic.
 pub(crate) const PANICKED: &str = "the Parquet decoder panicked: ";
+
+/// What zstd, which has an allocator of its own, says where memory ended.
+const MEMORY_ENDED: [&str; 2] = ["null pointer when creating new context", "not enough memory"];
 
 /// The rows and columns to read.
 #[derive(Debug, Clone, Copy, Default)]
@@ -104,6 +108,31 @@ pub(crate) fn guard<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, St
     })
 }
 
+/// The failure of an error with its place: the file is damaged, unless memory ended, which says nothing about it.
+pub(crate) fn undecoded(error: String) -> Failure {
+    if MEMORY_ENDED.iter().any(|said| error.contains(said)) {
+        Failure::new(ExitCode::TryAgain, format!("out of memory: {error}"))
+    } else {
+        Failure::new(ExitCode::Data, error)
+    }
+}
+
 fn text(error: impl std::fmt::Display) -> String {
     error.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn where_memory_ends_the_file_is_not_called_damaged() {
+        for said in ["zstd returned null pointer when creating new context", "Allocation error : not enough memory"] {
+            let failure = undecoded(guard(|| -> Result<(), String> { panic!("{said}") }).unwrap_err());
+            assert_eq!(failure.exit_code(), ExitCode::TryAgain, "{failure}");
+            assert!(failure.to_string().starts_with("out of memory: "), "{failure}");
+        }
+        let failure = undecoded(guard(|| -> Result<(), String> { panic!("no such column") }).unwrap_err());
+        assert_eq!(failure.exit_code(), ExitCode::Data, "{failure}");
+    }
 }
