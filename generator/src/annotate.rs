@@ -18,7 +18,7 @@ use schema::{
     GraspSource, Gripper, GripperBox, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream,
     Vec3,
 };
-use simulator::{Execution, FloatingWorld, Grip, Hold, Load, Motion};
+use simulator::{Execution, FloatingWorld, Grip, Load, Motion};
 
 use self::bearing::{HOLD, loads, pull, sides};
 pub use self::bearing::{PHYSICS, PROCEDURE};

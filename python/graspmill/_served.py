@@ -177,8 +177,10 @@ class ServedPlanner:
         if body is None and answer.status == 404:
             return b""
         if not 200 <= answer.status < 300:
-            said = "".join(letter for letter in text.decode(errors="replace") if letter.isprintable())
-            raise NoAnswer(f"status {answer.status}: {said[:300]}")
+            location = answer.getheader("Location")
+            moved = "" if location is None else f", moved to {location}: give that address"
+            said = "".join(letter for letter in f"{moved}: {text.decode(errors='replace')}" if letter.isprintable())
+            raise NoAnswer(f"status {answer.status}{said[:400]}")
         return text
 
     def _connection(self) -> http.client.HTTPConnection:

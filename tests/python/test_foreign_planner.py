@@ -21,16 +21,18 @@ DOWN = {"translation": [0, 0, 0], "rotation_matrix": [[0, 0, 1], [0, 1, 0], [-1,
 
 @contextmanager
 def planner(answer, config=None):
-    """A server whose `/predict` is `answer(request)`: bytes, a status with bytes, None for silence, GONE for its end. `/config` may
-    be a function, too."""
+    """A server whose `/predict` is `answer(request)`: bytes, a status with bytes and an address, None for silence, GONE for its
+    end. `/config` may be a function, too."""
     asked = []
 
     class Handler(BaseHTTPRequestHandler):
         def log_message(self, *_):
             pass
 
-        def say(self, status, data):
+        def say(self, status, data, location=None):
             self.send_response(status)
+            if location is not None:
+                self.send_header("Location", location)
             self.send_header("Content-Length", str(len(data)))
             self.end_headers()
             self.wfile.write(data)
@@ -129,6 +131,7 @@ def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path):
         (grasps(DOWN | {"gripper_width": float("inf")}), "finite in single precision"),
         (b" " * ((64 << 20) + 1), "at most 67108864 bytes"),
         ((307, b"elsewhere"), "status 307: elsewhere"),
+        ((308, b"there", "http://127.0.0.1:1/predict"), "status 308, moved to http://127.0.0.1:1/predict: give that address: there"),
         (BROKEN, "IncompleteRead"),
         (None, "no answer in time"),
     ]
