@@ -96,7 +96,7 @@ def _planned(begin: Callable[..., _native.Plan | _native.Planning], *observation
         while not isinstance(step, _native.Plan):
             poses = _arrays.matrices(step)
             if accept_batch is None:
-                step = planning.next([_arrays.flag("what accept returns", accept(pose)) for pose in poses])
+                step = planning.next([_is_accepted(accept(pose)) for pose in poses])
             else:
                 step = planning.next(_accepted(accept_batch(poses), len(poses)))
     finally:
@@ -219,6 +219,13 @@ class Planner(Immutable):
         values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
         _arrays.vgn_values("tsdf", values)
         return _planned(self._native.plan_tsdf, values.ravel(), request)
+
+
+def _is_accepted(value: Any) -> bool:
+    array = _arrays.given("what accept returns", value)
+    if array.dtype.kind != "b" or array.ndim:
+        raise TypeError(f"accept must return True or False, got {_arrays.shown(value)}")
+    return bool(array)
 
 
 def _accepted(value: Any, count: int) -> list[bool]:

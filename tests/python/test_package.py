@@ -392,6 +392,9 @@ def test_a_function_says_which_grasps_will_do(planner, scene):
     for limit, match in ((lambda _: 1 / 0, "division"), (lambda pose: pose["x"], "indices")):
         with pytest.raises((ZeroDivisionError, IndexError), match=match):
             planner.plan(image, camera, accept=limit)
+    for value in (None, 1, "yes", [True]):
+        with pytest.raises(TypeError, match="accept must return True or False, got "):
+            planner.plan(image, camera, accept=lambda _: value)
     refused("accept must be a function", lambda: planner.plan(image, camera, accept=3))
     # All of a search at once gives the same plan, in few calls.
     counts = []
