@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     /// Seed of the first dataset.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 60))]
     seed: u64,
-    /// Print the steps, and end.
+    /// Print the steps and the files that they read, and end: nothing is written.
     #[arg(long)]
     dry_run: bool,
 }
@@ -87,20 +87,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         },
     };
     let steps = pipeline.steps()?;
-    fs::create_dir_all(&pipeline.out).context(format_args!("failed to make {}", pipeline.out.display()))?;
+    let settings = pipeline.settings()?.into_iter().map(|(name, text)| (pipeline.out.join(name), text.into_bytes()));
+    let mut files: Vec<(PathBuf, Vec<u8>)> = settings.collect();
     if arguments.from.is_none() && pipeline.from.is_some() {
-        write(&built_in, MANY_GRIPPERS.0)?;
-    }
-    for (name, text) in pipeline.settings()? {
-        write(&pipeline.out.join(name), text)?;
+        files.push((built_in, MANY_GRIPPERS.0.to_vec()));
     }
     if arguments.dry_run {
-        print(format_args!("{} steps\n", steps.len()))?;
-        for step in &steps {
-            print(format_args!("\n# {}\n{}\n", step.what, step.command()))?;
-        }
+        print(format_args!("{} steps. Before them these files are written:\n", steps.len()))?;
+        files.iter().try_for_each(|(path, _)| print(format_args!("{}\n", path.display())))?;
+        steps.iter().try_for_each(|step| print(format_args!("\n# {}\n{}\n", step.what, step.command())))?;
         return Ok(ExitCode::Ok);
     }
+    fs::create_dir_all(&pipeline.out).context(format_args!("failed to make {}", pipeline.out.display()))?;
+    files.iter().try_for_each(|(path, bytes)| write(path, bytes))?;
     let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
     for (number, step) in steps.iter().enumerate() {
         print(format_args!("\n[{} of {}] {}\n{}\n", number + 1, steps.len(), step.what, step.command()))?;

@@ -46,3 +46,16 @@ fn every_name_has_the_help_of_its_commands_and_refuses_others() {
         assert_eq!(said("--nonsense").status.code(), Some(2), "{name}");
     }
 }
+
+#[test]
+fn a_dry_run_of_a_pipeline_says_its_steps_and_files_and_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let words = ["pipeline", "wsg_50", "--out", "new", "--dry-run"];
+    let output = Command::new(PROGRAMS[0].1).current_dir(&folder).args(words).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.starts_with("8 steps. "), "{output:?}");
+    for text in ["new/from.safetensors\n", "new/generate.toml\n", "new/plan-wsg_50.toml\n", "\ngraspmill generate "] {
+        assert!(said.contains(text), "{text}: {said}");
+    }
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0);
+}
