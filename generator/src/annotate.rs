@@ -335,6 +335,7 @@ mod tests {
     use schema::{ShapeKind, Solid, axis_angle};
     use simulator::{Body, Part, PartShape};
 
+    use super::bearing::G_M_S2;
     use super::*;
 
     fn annotated(body: Body, mass_kg: f32, friction: f32) -> Annotated {
