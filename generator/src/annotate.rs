@@ -332,7 +332,7 @@ mod tests {
     use core::f32::consts::{FRAC_PI_2, PI};
 
     use rayon::ThreadPoolBuilder;
-    use schema::{ShapeKind, Solid, axis_angle};
+    use schema::{Gripper, ShapeKind, Solid, axis_angle};
     use simulator::{Body, Part, PartShape};
 
     use super::bearing::G_M_S2;
@@ -408,6 +408,34 @@ mod tests {
         let off_m = |at_m: &Vec3| object.object.body.distance_outside_m(*at_m - object.origin_m).abs();
         let on_surface = contacts_m.iter().filter(|at_m| off_m(at_m) < 5e-4).count();
         assert!(contacts_m.len() == 800 && on_surface >= 780, "{on_surface} of {}", contacts_m.len());
+    }
+
+    /// Antipodal grasps of a box that is taller than wide: each closes across one of its two widths.
+    #[test]
+    fn facing_points_are_mostly_gripped_flat_along_edges_and_near_the_centre_of_mass_and_bear_much() {
+        let object = annotated(cuboid([0.06, 0.06, 0.2]), 0.288, 0.8);
+        let gripper = Gripper::from_toml(Gripper::BUILT_IN[3].1).unwrap();
+        let shares = GraspShares { antipodal: 1.0, normal: 0.0, displaced: 0.0 };
+        let params = AnnotateParams { gripper, shares, margins: true, ..few(500) };
+        let set = all(&object, &params);
+        let poses: Vec<Pose> = set.grasps.iter().map(|grasp| grasp.object_from_grasp).collect();
+        let sorted = |number: &dyn Fn(&Pose) -> f32| {
+            let mut numbers: Vec<f32> = poses.iter().map(number).collect();
+            numbers.sort_by(f32::total_cmp);
+            numbers
+        };
+        let from_axes_deg = |direction: Vec3| libm::acosf(direction.abs().max_element().min(1.0)).to_degrees();
+        let skews_deg = sorted(&|pose| from_axes_deg(pose.rotation * Vec3::Y));
+        let turns_deg = sorted(&|pose| from_axes_deg(pose.rotation * Vec3::Z));
+        // The cone's edge is at 38.7 degrees.
+        assert!(skews_deg[250] < 0.5 && skews_deg[350] < 5.0 && skews_deg[499] > 20.0, "{skews_deg:?}");
+        assert!(turns_deg[250] < 5.0 && turns_deg[499] > 20.0, "{turns_deg:?}");
+        let heights_m = sorted(&|pose| (pose.translation.z - object.origin_m.z).abs());
+        let mean_m = heights_m.iter().sum::<f32>() / 500.0;
+        assert!(mean_m < 0.045 && heights_m[499] > 0.09, "{mean_m}, {}", heights_m[499]);
+        let tugs_g: Vec<f32> = set.held().filter_map(|grasp| Some(grasp.margins?.tug_max_g)).collect();
+        let share = |g: f32| tugs_g.iter().filter(|tug_g| **tug_g >= g).count() as f32 / tugs_g.len() as f32;
+        assert!(share(5.0) > 0.4 && share(1.0) > 0.6, "{} and {}", share(5.0), share(1.0));
     }
 
     #[test]

@@ -19,14 +19,17 @@ pub(super) struct Surface {
 struct Triangle {
     corners_m: [Vec3; 3],
     normal: Vec3,
+    /// The direction of the longest edge of its face.
+    along: Vec3,
     part: usize,
 }
 
-/// A point on the surface and the outward normal there.
+/// A point on the surface, the outward normal there, and the direction of the longest edge of the face.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SurfacePoint {
     pub(super) at_m: Vec3,
     pub(super) normal: Vec3,
+    pub(super) along: Vec3,
 }
 
 impl Surface {
@@ -38,7 +41,12 @@ impl Surface {
             let corner_m = |corner: usize| polyhedron.corners_m()[corner];
             let of_face = |face: &Face| -> Vec<Triangle> {
                 let normal = face.plane.normal;
-                face.triangles().map(|corners| Triangle { corners_m: corners.map(corner_m), normal, part }).collect()
+                let ends = face.ring.iter().zip(face.ring.iter().cycle().skip(1));
+                let edges = ends.map(|(from, to)| corner_m(*to) - corner_m(*from));
+                let longest = edges.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+                let along = longest.unwrap_or_default().normalize_or(normal.any_orthonormal_vector());
+                let triangle = |corners: [usize; 3]| Triangle { corners_m: corners.map(corner_m), normal, along, part };
+                face.triangles().map(triangle).collect()
             };
             polyhedron.faces().iter().flat_map(of_face).collect()
         };
@@ -64,21 +72,13 @@ impl Surface {
     pub(super) fn point(&self, [along, u, v]: [f32; 3]) -> Option<SurfacePoint> {
         let wanted_m2 = along * self.areas_m2.last()?;
         let number = self.areas_m2.partition_point(|area_m2| *area_m2 < wanted_m2).min(self.triangles.len() - 1);
-        let Triangle { corners_m: [a, b, c], normal, part } = self.triangles[number];
+        let Triangle { corners_m: [a, b, c], normal, along, part } = self.triangles[number];
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         let at_m = a + (b - a) * u + (c - a) * v;
         let outside_m = at_m + normal * SEAM_M;
         let is_within = |part: &Polyhedron| part.planes().all(|plane| plane.normal.dot(outside_m) <= plane.offset_m);
         let covered = self.parts.iter().enumerate().any(|(other, own)| other != part && is_within(own));
-        (!covered).then_some(SurfacePoint { at_m, normal })
-    }
-
-    /// Where a line from a point of the surface, going into the object along `inwards`, leaves it: at the other side of
-    /// a wall, and behind a hollow again.
-    pub(super) fn across(&self, from_m: Vec3, inwards: Vec3) -> Vec<SurfacePoint> {
-        let inside = self.inside(from_m, inwards).into_iter();
-        let end = |of: Within| SurfacePoint { at_m: from_m + inwards * of.exit_m, normal: of.exit_normal };
-        inside.filter(|of| of.exit_m > 0.0).map(end).collect()
+        (!covered).then_some(SurfacePoint { at_m, normal, along })
     }
 
     /// Where the line through a point is inside the object, on both sides of the point.
@@ -136,10 +136,13 @@ mod tests {
                     1 => (whole(at_m, 0.01), [Vec3::X, Vec3::NEG_Y, Vec3::Z][number / 3 % 3]),
                     _ => (whole(at_m, 0.03), whole(at_m, 0.03).normalize_or(Vec3::X)),
                 };
-                let ends = within(surface.parts.iter(), at_m, direction).into_iter().filter(|of| of.exit_m > 0.0);
-                let ends: Vec<_> = ends.map(|of| (at_m + direction * of.exit_m, of.exit_normal)).collect();
-                let found: Vec<_> = surface.across(at_m, direction).iter().map(|p| (p.at_m, p.normal)).collect();
-                assert_eq!(found, ends, "{kind:?} {at_m} {direction}");
+                let ends = |all: Vec<Within>| -> Vec<_> {
+                    let ahead = all.into_iter().filter(|of| of.exit_m > 0.0);
+                    ahead.map(|of| (of.exit_m, of.exit_normal)).collect()
+                };
+                let found = ends(surface.inside(at_m, direction));
+                let all = ends(within(surface.parts.iter(), at_m, direction));
+                assert_eq!(found, all, "{kind:?} {at_m} {direction}");
                 hits += found.len();
             }
             assert!(hits > count / 20, "{kind:?}: {hits}");
