@@ -44,7 +44,8 @@ const HALVINGS: u32 = 8;
 /// Draws and labels the grasps of an object. `on_grasps` is told how many there are by now; where it says no, the work
 /// is given up, and there is no set.
 ///
-/// There are fewer than were asked for if the object has not so many that the gripper can close on.
+/// There are fewer than were asked for if the object has not so many that the gripper can close on. Where only the best
+/// are kept, the coverage is that of all.
 #[must_use]
 pub fn annotate(
     annotated: &Annotated,
@@ -70,7 +71,11 @@ pub fn annotate(
         }
     }
     grasps.truncate(params.grasps);
-    Some(bench.set(grasps))
+    let mut set = bench.set(grasps);
+    if let Some(best) = params.best {
+        set.keep_best(best as usize);
+    }
+    Some(set)
 }
 
 /// Labels given grasps of an object, in their order; poses are in the frame in which grasps are given. `on_grasps` is
@@ -436,6 +441,32 @@ mod tests {
         let tugs_g: Vec<f32> = set.held().filter_map(|grasp| Some(grasp.margins?.tug_max_g)).collect();
         let share = |g: f32| tugs_g.iter().filter(|tug_g| **tug_g >= g).count() as f32 / tugs_g.len() as f32;
         assert!(share(5.0) > 0.4 && share(1.0) > 0.6, "{} and {}", share(5.0), share(1.0));
+    }
+
+    /// By a slow search: a grasp is left out if it is like a stronger one that is kept, or weaker than all of them.
+    #[test]
+    fn the_best_are_the_strongest_that_are_not_like_stronger_ones() {
+        let object = annotated(ell(), 0.1, 0.8);
+        let params = AnnotateParams { margins: true, repeats: 2, ..few(300) };
+        let every = all(&object, &params);
+        let best = all(&object, &AnnotateParams { best: Some(12), ..params.clone() });
+        assert_eq!((best.grasps.len(), best.coverage), (12, every.coverage));
+        let strength =
+            |grasp: &ObjectGrasp| f64::from(grasp.margins.unwrap().tug_max_g) * f64::from(grasp.p_held.unwrap());
+        assert!(best.grasps.windows(2).all(|pair| strength(&pair[0]) >= strength(&pair[1])));
+        let are_near = |one: &ObjectGrasp, other: &ObjectGrasp| {
+            let (a, b) = (one.object_from_grasp, other.object_from_grasp);
+            let axes = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| (a.rotation * axis).dot(b.rotation * axis));
+            let cosine = 0.5 * ((axes[0] + axes[1]).abs() + axes[2] - 1.0);
+            (a.translation - b.translation).length() <= 0.02 && cosine >= 0.75_f32.sqrt()
+        };
+        for grasp in every.held() {
+            let stronger = best.grasps.iter().filter(|kept| strength(kept) >= strength(grasp));
+            let near = stronger.clone().filter(|kept| are_near(kept, grasp)).count();
+            let is_kept = best.grasps.contains(grasp);
+            assert!(if is_kept { near == 1 } else { near > 0 || stronger.count() == 12 }, "{grasp:?}");
+        }
+        assert_eq!(all(&object, &AnnotateParams { best: Some(400), ..params }).grasps[..12], best.grasps);
     }
 
     #[test]

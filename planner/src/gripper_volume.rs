@@ -82,9 +82,7 @@ const ALIKE_RAD: f32 = core::f32::consts::FRAC_PI_6;
 /// Whether two grasps are nearly the same: their tips within 10 mm, their axes within 30°, half turns apart or not.
 #[must_use]
 pub fn are_alike(one: &Pose, other: &Pose) -> bool {
-    let rotation = nearer_half_turn(one.rotation, other.rotation);
-    (one.translation - other.translation).length() <= ALIKE_M
-        && rotation.dot(other.rotation).abs() >= libm::cosf(0.5 * ALIKE_RAD)
+    schema::are_alike(one, other, ALIKE_M, ALIKE_RAD)
 }
 
 #[cfg(test)]

@@ -20,6 +20,8 @@ Numbers = NDArray[np.float64]
 
 #: Most grasps of a set, as for ``graspmill objects annotate``.
 GRASPS_MAX = 1_000_000
+#: The best grasps have tips that are further apart than this, or axes that are further turned than by 30 degrees.
+APART_M, APART_COS = 0.02, 0.75**0.5
 #: Numbers of each grasp, and their shapes; NaN where unknown.
 NUMBERS: dict[str, tuple[int, ...]] = {"width_m": (), "contacts_m": (2, 3), "normals": (2, 3)}
 NUMBERS |= dict.fromkeys(("closing_moved_m", "closing_turned_rad", "test_moved_m", "test_turned_rad", "friction_min", "tug_max_g"), ())
@@ -131,6 +133,27 @@ class ObjectGrasps:
         values = {key: None if value is None else value[rows] for key, value in values.items()}
         return replace(self, **values)
 
+    def best(self, n: int) -> ObjectGrasps:
+        """The strongest grasps that held, at most ``n``, strongest first, and none within 20 mm and 30° of a stronger one (half turns are
+        equal), as ``graspmill objects annotate --best`` keeps them. The strength is ``tug_max_g`` times ``p_held`` times ``score``, as far
+        as they are known; where ``held`` is ``None``, all grasps are asked.
+
+        Raises InputError if ``n`` is not a whole number from 1 on.
+        """
+        count = _arrays.whole("n", n, 1, GRASPS_MAX)
+        likely = _factor(self.p_held)
+        left = np.lexsort((-likely, -_factor(self.tug_max_g) * likely * _factor(self.score)))
+        left = left if self.held is None else left[self.held[left]]
+        best: list[int] = []
+        while len(left) and len(best) < count:
+            best.append(int(left[0]))
+            others = self.object_from_grasp[left]
+            turns = others[:, :3, :3].transpose(0, 2, 1) @ others[0, :3, :3]
+            cosines = (np.abs(turns[:, 0, 0] + turns[:, 1, 1]) + turns[:, 2, 2] - 1) / 2
+            is_near = np.linalg.norm(others[:, :3, 3] - others[0, :3, 3], axis=1) <= APART_M
+            left = left[1:][~(is_near & (cosines >= APART_COS))[1:]]
+        return self.subset(best)
+
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ObjectGrasps:
         """A set of ``graspmill objects annotate``: its ``NAME.parquet``, with ``NAME.json`` beside it. Needs pyarrow: ``pip install
@@ -155,6 +178,12 @@ class ObjectGrasps:
         from .formats import grasps
 
         return grasps.write(self, path, format, base_to_tips_m, gripper, closing_axis)
+
+
+def _factor(numbers: Numbers) -> Numbers:
+    """The numbers; those that are not known are 0, and 1 if none is."""
+    is_known = ~np.isnan(numbers)
+    return np.where(is_known, numbers, 0.0 if is_known.any() else 1.0)
 
 
 def labels(name: str, value: ArrayLike, count: int) -> NDArray[np.bool_]:

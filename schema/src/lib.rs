@@ -52,7 +52,7 @@ pub mod statistics;
 pub use camera::{Camera, ColorImage, DepthImage, Intrinsics, View};
 pub use container::{Container, ContainerKind};
 pub use generation::{CameraParams, Engine, Physics, SettleParams, TsdfParams, ViewParams};
-pub use grasp::Grasp;
+pub use grasp::{Grasp, are_alike};
 pub use grid::{Grid, Lattice, VoxelGrid};
 pub use gripper::{FingerTip, Gripper, GripperBox, PoseParts};
 pub use grippers::{GRIPPERS_MAX, Grippers, gripper_of};

@@ -2,7 +2,11 @@
 
 use settings::words;
 
-use crate::{Gripper, Outcome, Polyhedron, Pose, Vec3};
+use crate::{Gripper, Outcome, Polyhedron, Pose, Vec3, are_alike};
+
+/// The best grasps have tips that are further apart than this, or axes that are.
+const APART_M: f32 = 0.02;
+const APART_RAD: f32 = core::f32::consts::FRAC_PI_6;
 
 words! {
     /// How a grasp of an object was drawn.
@@ -125,6 +129,29 @@ impl ObjectGrasps {
     #[must_use]
     pub fn count(&self, outcome: Outcome) -> usize {
         self.grasps.iter().filter(|grasp| grasp.outcome == outcome).count()
+    }
+
+    /// Keeps the strongest of the grasps that held, at most so many, strongest first, and none that is within 20 mm and
+    /// 30° of a stronger one. The strength is the pull that a grasp bears times the share of its repeats that held, as
+    /// far as they are known.
+    pub fn keep_best(&mut self, most: usize) {
+        let strength = |grasp: &ObjectGrasp| {
+            let likely = f64::from(grasp.p_held.unwrap_or(1.0));
+            [grasp.margins.map_or(1.0, |margins| f64::from(margins.tug_max_g)) * likely, likely]
+        };
+        let mut held: Vec<ObjectGrasp> = self.held().cloned().collect();
+        held.sort_by(|a, b| {
+            let [a, b] = [strength(a), strength(b)];
+            b[0].total_cmp(&a[0]).then(b[1].total_cmp(&a[1]))
+        });
+        self.grasps.clear();
+        for grasp in held {
+            let pose = &grasp.object_from_grasp;
+            let is_like = |kept: &ObjectGrasp| are_alike(&kept.object_from_grasp, pose, APART_M, APART_RAD);
+            if self.grasps.len() < most && !self.grasps.iter().any(is_like) {
+                self.grasps.push(grasp);
+            }
+        }
     }
 
     /// The grasps that held.

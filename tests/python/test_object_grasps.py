@@ -311,3 +311,44 @@ def test_graspnets_depth_is_that_of_each_row(tmp_path):
     rows[1, 3], rows[1, 15] = 0.01, 0.04
     np.save(tmp_path / "g.npy", rows)
     np.testing.assert_allclose(read_grasps(tmp_path / "g.npy").object_from_grasp, [ABOVE, ABOVE], atol=1e-12)
+
+
+# The strongest that are apart.
+
+
+def placed(*grasps):
+    """Poses at a height in metres, turned in degrees about the gripper's approach and closing direction."""
+    poses = np.tile(ABOVE, (len(grasps), 1, 1))
+    for pose, (height_m, *turns_deg) in zip(poses, grasps):
+        (a, b), (c, d) = np.cos(np.radians(turns_deg)), np.sin(np.radians(turns_deg))
+        pose[:3, :3] @= np.array([[a, -c, 0], [c, a, 0], [0, 0, 1]]) @ np.array([[b, 0, d], [0, 1, 0], [-d, 0, b]])
+        pose[2, 3] = height_m
+    return poses
+
+
+def test_the_best_are_the_strongest_that_held_and_are_apart():
+    poses = placed((0.0, 0, 0), (0.019, 180, 0), (0.021, 0, 0), (0.0, 0, 29), (0.0, 31, 0), (0.019, 0, 180), (0.2, 0, 0))
+    many = ObjectGrasps("set", poses, held=[1, 1, 1, 1, 1, 1, 0], tug_max_g=[3, 2, 1, 2, 4, 5, 9])
+    # The second is near the first, but for a half turn; the third further away, the fourth not turned enough, the last lost.
+    assert many.best(9).tug_max_g.tolist() == [5, 4, 3, 1]
+    assert many.best(2).tug_max_g.tolist() == [5, 4] and len(many.subset([6]).best(1)) == 0
+    # How likely each holds counts as much; where that is not known of some, they are last.
+    assert dataclasses.replace(many, p_held=[1, 1, 1, 1, 0.7, 0.5, 1]).best(9).tug_max_g.tolist() == [3, 4, 5, 1]
+    assert dataclasses.replace(many, p_held=[np.nan, np.nan, 0.1, *[np.nan] * 4]).best(1).tug_max_g.tolist() == [1]
+    # Sets of others with nothing but scores, or nothing at all.
+    far = ObjectGrasps("set", placed(*((0.1 * number, 0, 0) for number in range(4))), score=[0.1, np.nan, 0.9, 0.5])
+    assert far.best(9).score.tolist()[:3] == [0.9, 0.5, 0.1] and len(far.best(9)) == 4
+    nothing = dataclasses.replace(far, score=np.empty(0))
+    np.testing.assert_array_equal(nothing.best(2).object_from_grasp, far.object_from_grasp[:2])
+    for wrong in (0, 1.5, True):
+        refused("n must be", lambda: nothing.best(wrong))
+
+
+def test_the_programs_best_are_those_of_the_whole_set(annotated):
+    folder, gripper = annotated
+    words = ["--gripper", gripper, "--grasps", "80", "--drops", "10", "--scale", "1", "--margins", "--repeats", "2", "--best", "7"]
+    packaged("objects", "annotate", "box.obj", *words, "--out", f"best-{gripper}", cwd=folder.parent)
+    few = ObjectGrasps.load(folder.parent / f"best-{gripper}" / "box.parquet")
+    whole = ObjectGrasps.load(folder / "box.parquet")
+    assert len(few) == 7 and few.held.all()
+    np.testing.assert_array_equal(few.object_from_grasp, whole.best(7).object_from_grasp)

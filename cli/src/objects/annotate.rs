@@ -48,6 +48,11 @@ pub(crate) struct Arguments {
     #[arg(long)]
     held_only: bool,
 
+    /// Keep only so many of those that hold: the strongest of which none is within 20 mm and 30 degrees of a stronger
+    /// one, strongest first; with --margins
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1_000_000))]
+    best: Option<u32>,
+
     /// What the object must bear in the gripper: lift (its weight, under the gripper), turn (its weight in six
     /// directions), tug (GraspDataGen's pulls) or shake (as ACRONYM)
     #[arg(long, default_value = "lift", value_parser = one_of!(GripTest))]
@@ -79,7 +84,7 @@ pub(crate) struct Arguments {
     /// Label the grasps of this file of one object instead of drawing some, and say how far its labels agree:
     /// NAME.parquet, or with the Python package ACRONYM's .h5, GraspGen's .json, isaac_grasp's .yaml, MolmoSpaces' .npz
     /// or GraspNet's .npy
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["grasps", "held_only", "shares"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["grasps", "held_only", "best", "shares"])]
     relabel: Option<PathBuf>,
 
     /// Also write the sets of --out in these forms, with the Python package: acronym, graspgen, isaac_grasp,
@@ -130,10 +135,11 @@ impl Arguments {
             gripper,
             grasps: self.grasps as usize,
             is_held_only: self.held_only,
+            best: self.best,
             shares: self.shares,
             test: self.test,
             touch_m_max: self.touch,
-            margins: self.margins,
+            margins: self.margins || self.best.is_some(),
             repeats: self.repeats,
             drops: self.drops,
             seed: self.seed,
@@ -317,8 +323,12 @@ fn document(infos: &[Value], left_out: &[LeftOut], out: &Path) -> Document {
         [Cell::from(name(info))].into_iter().chain(counts).chain(last).collect()
     };
     let few = infos.iter().filter_map(|info| {
-        let [made, wanted] = ["/grasps", "/settings/params/grasps"].map(|at| number(info, at));
-        let why = "the gripper finds no more between two of its sides";
+        let of = |key: &str| number(info, &format!("/settings/params/{key}"));
+        let (made, all, best) = (number(info, "/grasps"), of("grasps"), of("best"));
+        let (wanted, why) = match best {
+            0 => (all, "the gripper finds no more between two of its sides"),
+            _ => (best, "no more of those that hold are apart"),
+        };
         (made < wanted).then(|| format!("{}: {made} grasps instead of {wanted}: {why}", name(info)))
     });
     let said = |info: &Value| {

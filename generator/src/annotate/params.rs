@@ -25,6 +25,9 @@ pub struct AnnotateParams {
     pub grasps: usize,
     /// Whether only grasps that hold are kept.
     pub is_held_only: bool,
+    /// How many are kept in the end, the best that hold ([`schema::ObjectGrasps::keep_best`]); `None` for all. Given
+    /// grasps are all kept.
+    pub best: Option<u32>,
     /// How they are drawn.
     pub shares: GraspShares,
     /// What an object must bear to be held.
@@ -91,6 +94,7 @@ impl Default for AnnotateParams {
             gripper: Gripper::from_toml(Gripper::BUILT_IN[0].1).expect("it is built in"),
             grasps: 2_000,
             is_held_only: false,
+            best: None,
             shares: GraspShares { antipodal: 0.8, normal: 0.1, displaced: 0.1 },
             test: GripTest::Lift,
             touch_m_max: 0.003,

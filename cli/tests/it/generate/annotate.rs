@@ -61,6 +61,25 @@ fn grasps_of_a_mesh_are_in_its_own_frame_and_the_same_bytes_again() {
 }
 
 #[test]
+fn only_the_best_grasps_are_kept_where_that_is_asked_for() {
+    let dir = objects();
+    let best = |most: &str, out: &str| annotate(&dir, &["brick.obj", "--scale", "0.001", "--best", most, "--out", out]);
+    let said = check_ok(&best("5", "few"));
+    assert!(said.contains("5 grasps of 1 object, 5 held") && !said.contains("instead of"), "{said}");
+    let few = info(&dir.path().join("few/brick.json"));
+    assert!(
+        few["grasps"] == 5 && few["outcomes"]["held"] == 5 && few["settings"]["params"]["margins"] == true,
+        "{few}"
+    );
+    // The coverage is that of the forty that were drawn.
+    assert!(few["coverage"].as_f64().unwrap() > 0.5, "{few}");
+    let said = check_ok(&best("1000", "all"));
+    assert!(said.contains("grasps instead of 1000: no more of those that hold are apart"), "{said}");
+    check_fails(&best("6", "few"), 78, &["settings.params.best is 5 there and 6 here"]);
+    check_fails(&best("0", "none"), 2, &["--best"]);
+}
+
+#[test]
 fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
     let dir = objects();
     check_ok(&annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps"]));
