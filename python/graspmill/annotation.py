@@ -17,7 +17,7 @@ from .scene import Object, _simulation
 
 def annotate(
     object: Object | str | os.PathLike[str] | Any, *, gripper: GripperLike | None = None, grasps: int = 2_000,
-    given: ArrayLike | None = None, held_only: bool = False, test: str = "lift",
+    given: ArrayLike | None = None, held_only: bool = False, test: str = "turn",
     shares: tuple[float, float, float] = (0.8, 0.1, 0.1), touch_m: float = 0.003, margins: bool = False, repeats: int = 12,
     drops: int = 100, scale: float | None = None, seed: int = 1, threads: int | None = None,
     progress: Callable[[int], None] | None = None,

@@ -13,13 +13,14 @@ import numpy as np
 
 from .attempt import Engine, Runner
 from .contract import Attempt, Environment, Execution, Gripper, Procedure, Scene, smoothstep, steps
-from .pose import Pose
+from .pose import Pose, rotation_of
 
 G_M_S2 = 9.80665
 # A pull comes up to its strength in this time.
 RISE_S = 0.025
-# An object is lost if its centre of mass moves further against the fingers.
-MOVED_M_MAX = 0.05
+# An object is lost if its centre of mass moves further against the fingers, or it turns further.
+MOVED_M_MAX = 0.01
+TURNED_RAD_MAX = 0.349
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -127,7 +128,7 @@ class FloatingRunner(Runner):
     def _bears(self, load: Load, pose: Pose) -> tuple[bool, float]:
         """Whether the object stays in the gripper, and how far it moved in it."""
         engine, rate, moved_m = self._floating, self._engine.step_rate_hz, 0.0
-        there, start_m = pose, self._centre_m(pose)
+        there, start_m, start = pose, self._centre_m(pose), self._turn(pose)
         for step in range(steps(load.time_s, rate)):
             engine.press(self._asymmetry_m)
             engine.pull(pose.rotation @ load.pull_m_s2((step + 0.5) / rate))
@@ -136,9 +137,15 @@ class FloatingRunner(Runner):
                 engine.carry(there)
             engine.step()
             moved_m = float(np.linalg.norm(self._centre_m(there) - start_m))
-            if moved_m > MOVED_M_MAX or self._width_m() <= self._procedure.empty_width_m:
+            turned_rad = np.arccos(np.clip((np.trace(self._turn(there).T @ start) - 1) / 2, -1, 1))
+            is_lost = moved_m > MOVED_M_MAX or turned_rad > TURNED_RAD_MAX
+            if is_lost or self._width_m() <= self._procedure.empty_width_m:
                 return False, moved_m
         return engine.grips(0), moved_m
+
+    def _turn(self, grasp: Pose) -> np.ndarray:
+        """The object's rotation in the grasp frame (3, 3)."""
+        return grasp.rotation.T @ rotation_of(self._engine.quats_xyzw()[0])
 
     def _centre_m(self, grasp: Pose) -> np.ndarray:
         """The centre of mass against the point between the fingers, in the grasp frame (3,)."""

@@ -55,7 +55,7 @@ pub(crate) struct Arguments {
 
     /// What the object must bear in the gripper: lift (its weight, under the gripper), turn (its weight in six
     /// directions), tug (GraspDataGen's pulls) or shake (as ACRONYM)
-    #[arg(long, default_value = "lift", value_parser = one_of!(GripTest))]
+    #[arg(long, default_value = "turn", value_parser = one_of!(GripTest))]
     test: GripTest,
 
     /// Where the open gripper would touch the object on its way, push it aside, at most so far; more is a collision, and

@@ -96,7 +96,7 @@ impl Default for AnnotateParams {
             is_held_only: false,
             best: None,
             shares: GraspShares { antipodal: 0.8, normal: 0.1, displaced: 0.1 },
-            test: GripTest::Lift,
+            test: GripTest::Turn,
             touch_m_max: 0.003,
             margins: false,
             repeats: 12,

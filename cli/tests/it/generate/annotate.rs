@@ -113,7 +113,7 @@ fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
     );
     // All objects are asked before the first is begun.
     let both = ["slab.obj", "brick.obj", "--scale", "0.001", "--out", "grasps", "--test", "tug"];
-    let refused = [r#"settings.params.test is "lift" there and "tug" here"#, "brick.json"];
+    let refused = [r#"settings.params.test is "turn" there and "tug" here"#, "brick.json"];
     check_fails(&annotate(&dir, &both), 78, &refused);
     // A mesh of another form, or one that only says more.
     let mesh = fs::read_to_string(dir.path().join("brick.obj")).unwrap();
