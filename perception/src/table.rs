@@ -1,11 +1,15 @@
 //! The table in what a camera saw, where nobody knows how the camera stands: of several planes the one that carries
 //! things, is level as far as gravity is known, and has nothing of what it would hide below it.
+//!
+//! Walls, shelves and people behind a table cross its plane, and most of what is seen above it may be theirs. They go
+//! on above all that a gripper takes, or the image ends before they do: what lies in cells of the plane over which
+//! something does is no thing.
 
 use core::f32::consts::FRAC_PI_8;
 use core::ops::RangeInclusive;
 
 use rayon::prelude::*;
-use schema::{Plane, Stream, Vec3};
+use schema::{Plane, Stream, Vec2, Vec3};
 
 use crate::fit::Coordinates;
 
@@ -31,6 +35,11 @@ const CELL_M: f32 = 0.03;
 const CARRIED_M: [f32; 2] = [0.015, 0.4];
 /// … and a table that carries nothing counts as if this share of all points were on it.
 const BARE_SHARE: f32 = 0.0025;
+/// A camera is pointed at what is to be grasped: things nearer to its axis than this many metres a metre count first.
+/// 0.15 to 0.3 find the same.
+const AHEAD: f32 = 0.2;
+/// Things further from those are out of reach: half the widest workspace.
+const REACH_M: f32 = 0.6;
 /// Points so far below a plane's ground would be hidden by it.
 const BELOW_M: f32 = 0.02;
 /// A camera is rarely rolled, or pitched to look up from below the horizontal, by more than this sine.
@@ -56,17 +65,30 @@ pub struct TableCandidate {
     pub share: f32,
     /// Share of the points that it carries.
     pub carried_share: f32,
-    /// A point in the middle of what it carries or, if that is nothing, of itself; in metres.
+    /// A point in the middle of the things on it that the camera is pointed at or, if there are none, of itself; in
+    /// metres.
     pub middle_m: Vec3,
+    /// What goes on above all that a gripper takes, or is cut by the image above the plane, as a wall: its point that
+    /// is nearest to the middle, in metres.
+    pub structure_m: Option<Vec3>,
     /// How well it answers; only ratios mean something.
     pub score: f32,
 }
 
+/// Where an image begins and ends: the least and the greatest x/z and y/z of what its camera can see.
+pub type Sides = [Vec2; 2];
+
 /// Planes in points that were seen from the origin of a camera's optical frame (x right, y down, z forward), the
 /// likeliest table first. `down` is the direction of gravity in that frame; without it the camera is believed to stand
-/// upright and to look down.
+/// upright and to look down. Without the image's sides it ends where the points do.
 #[must_use]
-pub fn find_tables(points_m: &[Vec3], down: Option<Vec3>, stream: &mut Stream) -> Vec<TableCandidate> {
+pub fn find_tables(
+    points_m: &[Vec3],
+    down: Option<Vec3>,
+    sides: Option<Sides>,
+    stream: &mut Stream,
+) -> Vec<TableCandidate> {
+    let sides = sides.unwrap_or_else(|| sides_of(points_m));
     let points_m: Vec<Vec3> = points_m.iter().copied().filter(|at| SEEN_M.contains(&at.length())).collect();
     let mut searched: Vec<Vec3> = points_m.iter().step_by(points_m.len().div_ceil(SEARCHED).max(1)).copied().collect();
     searched.sort_by_cached_key(|point_m| cube(*point_m));
@@ -80,7 +102,7 @@ pub fn find_tables(points_m: &[Vec3], down: Option<Vec3>, stream: &mut Stream) -
         }
         planes.push(first);
     }
-    let candidates = planes.into_par_iter().map(|first| candidate(first, &all, &searched, down));
+    let candidates = planes.into_par_iter().map(|first| candidate(first, &all, &searched, down, sides));
     let mut found: Vec<TableCandidate> = candidates.collect::<Vec<_>>().into_iter().flatten().collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     // What is left of a rough plane is no other plane.
@@ -144,7 +166,13 @@ fn largest(points_m: &[Vec3], is_free: &[bool], stream: &mut Stream) -> Option<P
 }
 
 /// A plane, fitted to all of its points, and how well it answers.
-fn candidate(first: Plane, all: &Coordinates, searched_m: &[Vec3], down: Option<Vec3>) -> Option<TableCandidate> {
+fn candidate(
+    first: Plane,
+    all: &Coordinates,
+    searched_m: &[Vec3],
+    down: Option<Vec3>,
+    sides: Sides,
+) -> Option<TableCandidate> {
     let (mut plane, mut members) = (first, vec![0; all.len()]);
     for _ in 0..FITS_MAX {
         let (sums, is_changed) = all.mark(|at| belongs(&plane, at), &mut members);
@@ -156,20 +184,25 @@ fn candidate(first: Plane, all: &Coordinates, searched_m: &[Vec3], down: Option<
     }
     let height_m = |at: Vec3| plane.normal.dot(at) - plane.offset_m;
     let residual_m = all.residual_m(height_m, &members);
-    let ground = Ground::of(&plane, searched_m);
-    let [mut own, mut carried_m] = [Vec::new(), Vec::new()];
-    let mut below = 0;
-    for &at in searched_m {
-        let height_m = height_m(at);
-        if belongs(&plane, at) {
-            own.push(at);
-        } else if ground.is_under(at) {
-            if (CARRIED_M[0]..CARRIED_M[1]).contains(&height_m) {
-                carried_m.push(at);
-            }
-            below += usize::from(height_m < -BELOW_M);
+    let (own, others): (Vec<Vec3>, Vec<Vec3>) = searched_m.iter().partition(|at| belongs(&plane, **at));
+    let ground = Ground::of(plane.normal, &own);
+    let over: Vec<Vec3> = others.into_iter().filter(|at| ground.is_under(*at)).collect();
+    let below = over.iter().filter(|at| height_m(**at) < -BELOW_M).count();
+    let is_cut = |at: Vec3| is_within(sides, at) && !is_within(sides, at + plane.normal * CELL_M);
+    let [mut carried_m, mut structure_m] = [Vec::new(), Vec::new()];
+    for at in over.into_iter().filter(|at| height_m(*at) >= CARRIED_M[0]) {
+        if height_m(at) >= CARRIED_M[1] || is_cut(at) {
+            structure_m.push(at);
+        }
+        if height_m(at) < CARRIED_M[1] {
+            carried_m.push(at);
         }
     }
+    let structure = Ground::of(plane.normal, &structure_m);
+    let things_m = those(if carried_m.is_empty() { &own } else { &carried_m }, |at| !structure.is_under(at));
+    let ahead_m = middle(&those(&things_m, |at| at.truncate().length() < AHEAD * at.z));
+    let middle_m = middle(&those(&things_m, |at| at.distance(ahead_m) < REACH_M));
+    let nearer = |a: &Vec3, b: &Vec3| a.distance(middle_m).total_cmp(&b.distance(middle_m));
     let share_of = |count: usize| count as f32 / searched_m.len() as f32;
     let (share, carried_share) = (share_of(own.len()), share_of(carried_m.len()));
     let hidden = below as f32 / own.len().max(1) as f32;
@@ -179,10 +212,30 @@ fn candidate(first: Plane, all: &Coordinates, searched_m: &[Vec3], down: Option<
         residual_m,
         share,
         carried_share,
-        middle_m: middle(if carried_m.is_empty() { &own } else { &carried_m }),
+        middle_m,
+        structure_m: structure_m.into_iter().min_by(nearer),
         score: share * (carried_share + BARE_SHARE) * stands * libm::expf(-hidden - far * far),
         plane,
     })
+}
+
+/// The sides of an image whose border shows something.
+fn sides_of(points_m: &[Vec3]) -> Sides {
+    let seen = points_m.iter().filter(|at| at.is_finite() && at.z >= *SEEN_M.start());
+    let rays = seen.map(|at| at.truncate() / at.z);
+    rays.fold([Vec2::INFINITY, Vec2::NEG_INFINITY], |[low, high], ray| [low.min(ray), high.max(ray)])
+}
+
+/// Whether a point lies before a camera, and not beyond a side of its image.
+fn is_within([low, high]: Sides, at: Vec3) -> bool {
+    let ray = at.truncate() / at.z;
+    at.z > 0.0 && ray.cmpge(low).all() && ray.cmple(high).all()
+}
+
+/// Those points that are meant or, if none is, all.
+fn those(points_m: &[Vec3], is_meant: impl Fn(Vec3) -> bool) -> Vec<Vec3> {
+    let meant: Vec<Vec3> = points_m.iter().copied().filter(|at| is_meant(*at)).collect();
+    if meant.is_empty() { points_m.to_vec() } else { meant }
 }
 
 /// How likely a camera that stands upright and looks down sees a table with this normal.
@@ -199,15 +252,15 @@ fn level(normal: Vec3, down: Vec3) -> f32 {
 /// The upper one of the middle two of an even number; none of none.
 pub(crate) fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
     let mut values: Vec<f32> = values.collect();
-    values.sort_by(f32::total_cmp);
-    values.get(values.len() / 2).copied()
+    let middle = values.len() / 2;
+    (middle < values.len()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 fn middle(points_m: &[Vec3]) -> Vec3 {
     Vec3::from_array([0, 1, 2].map(|axis| median(points_m.iter().map(|at| at[axis])).unwrap_or(0.0)))
 }
 
-/// Cells of a plane that have points of it.
+/// Cells of a plane that have points straight under or above them, and their neighbours.
 struct Ground {
     across: [Vec3; 2],
     low: [i32; 2],
@@ -216,11 +269,10 @@ struct Ground {
 }
 
 impl Ground {
-    fn of(plane: &Plane, points_m: &[Vec3]) -> Self {
-        let first = plane.normal.any_orthonormal_vector();
-        let across = [first, plane.normal.cross(first)];
-        let own: Vec<[i32; 2]> =
-            points_m.iter().filter(|at| belongs(plane, **at)).map(|at| cell(across, *at)).collect();
+    fn of(normal: Vec3, points_m: &[Vec3]) -> Self {
+        let first = normal.any_orthonormal_vector();
+        let across = [first, normal.cross(first)];
+        let own: Vec<[i32; 2]> = points_m.iter().map(|at| cell(across, *at)).collect();
         let range = |axis: usize| {
             let low = own.iter().map(|cell| cell[axis]).min().unwrap_or(0) - 1;
             (low, own.iter().map(|cell| cell[axis] + 2 - low).max().unwrap_or(0) as usize)
@@ -243,7 +295,7 @@ impl Ground {
         (x < self.counts[0] && y < self.counts[1]).then(|| x * self.counts[1] + y)
     }
 
-    /// Whether the plane has points straight under or above a point.
+    /// Whether there are points straight under or above a point.
     fn is_under(&self, point_m: Vec3) -> bool {
         self.place(cell(self.across, point_m)).is_some_and(|place| self.is_own[place])
     }
@@ -274,15 +326,20 @@ mod tests {
         [sheet(low + z, [x, y], 0.004), sheet(low, [x, z], 0.004), sheet(low, [y, z], 0.004)].concat()
     }
 
-    /// What a camera sees that stands above y < 0 and looks along +y and down; `roll_rad` about its axis. The table's
-    /// normal and offset in its frame are returned, too.
-    fn seen(points: &[Vec3], down_rad: f32, roll_rad: f32, noise_m: f32) -> (Vec<Vec3>, Vec3, f32) {
+    /// A camera that stands above y < 0, 0.7 m from the origin, and looks there along +y and down; `roll_rad` about its
+    /// axis.
+    fn eye(down_rad: f32, roll_rad: f32) -> Pose {
         // Optical axes: x right, y down, z forward.
         let forward = Vec3::new(0.0, libm::cosf(down_rad), -libm::sinf(down_rad));
         let down = forward.cross(Vec3::X);
         let rotation = Quat::from_mat3(&schema::Mat3::from_cols(Vec3::X, down, forward));
-        let pose = Pose::from_parts(-0.7 * forward, rotation * axis_angle(Vec3::Z, roll_rad));
-        let (camera, mut stream) = (pose.inverse(), Stream::new(3, 0, Purpose::DepthNoise, 0));
+        Pose::from_parts(-0.7 * forward, rotation * axis_angle(Vec3::Z, roll_rad))
+    }
+
+    /// What such a camera sees. The table's normal and offset in its frame are returned, too.
+    fn seen(points: &[Vec3], down_rad: f32, roll_rad: f32, noise_m: f32) -> (Vec<Vec3>, Vec3, f32) {
+        let camera = eye(down_rad, roll_rad).inverse();
+        let mut stream = Stream::new(3, 0, Purpose::DepthNoise, 0);
         let noisy = |at: &Vec3| {
             let at = camera * *at;
             at * (1.0 + stream.normal(0.0, noise_m) / at.z)
@@ -292,7 +349,7 @@ mod tests {
     }
 
     fn found(points: &[Vec3], down: Option<Vec3>) -> Vec<TableCandidate> {
-        find_tables(points, down, &mut Stream::new(1, 0, Purpose::Plane, 1))
+        find_tables(points, down, None, &mut Stream::new(1, 0, Purpose::Plane, 1))
     }
 
     fn is_table(candidate: &TableCandidate, up: Vec3, offset_m: f32) -> bool {
@@ -360,5 +417,111 @@ mod tests {
         // Millimetres are too far away.
         let far: Vec<Vec3> = table(0.6, 0.5).into_iter().map(|at| at * 1e3).collect();
         assert!(found(&far, None).is_empty());
+    }
+
+    /// Two opposite corners of a box.
+    type Block = [Vec3; 2];
+
+    const fn between(low: [f32; 3], high: [f32; 3]) -> Block {
+        [Vec3::from_array(low), Vec3::from_array(high)]
+    }
+
+    /// A depth image of boxes as points in the frame of such a camera, and the image's sides. The noise is that at a
+    /// depth of a metre.
+    fn shot(blocks: &[Block], down_rad: f32, noise_m: f32) -> (Vec<Vec3>, Sides) {
+        let (pose, mut stream) = (eye(down_rad, 0.0), Stream::new(3, 0, Purpose::DepthNoise, 0));
+        let ray = |u: usize, v: usize| Vec3::new(u as f32 - 79.5, v as f32 - 59.5, 135.0) / 135.0;
+        let depth_m = |way: Vec3, block: &Block| {
+            let [one, two] = block.map(|corner| (corner - pose.translation) / way);
+            let (near_m, far_m) = (one.min(two).max_element(), one.max(two).min_element());
+            (near_m > 0.0 && near_m <= far_m).then_some(near_m)
+        };
+        let point = |n: usize| {
+            let ray = ray(n % 160, n / 160);
+            let way = pose.rotation * ray;
+            let first_m = blocks.iter().filter_map(|block| depth_m(way, block)).min_by(f32::total_cmp)?;
+            Some(ray * (first_m + first_m * first_m * stream.normal(0.0, noise_m)))
+        };
+        ((0..160 * 120).filter_map(point).collect(), [ray(0, 0), ray(159, 119)].map(Vec3::truncate))
+    }
+
+    /// Things, the middle of which is about x = 0, y = 0.04 m.
+    const THINGS: [Block; 3] = [
+        between([-0.12, -0.05, 0.0], [-0.06, 0.02, 0.10]),
+        between([0.02, -0.06, 0.0], [0.09, -0.02, 0.06]),
+        between([-0.03, 0.08, 0.0], [0.03, 0.14, 0.14]),
+    ];
+    const FLOOR: Block = between([-4.0, -4.0, -0.80], [4.0, 6.0, -0.75]);
+
+    /// A table that ends here, and a wall.
+    const fn top(back_m: f32) -> Block {
+        between([-1.0, -1.0, -0.02], [1.0, back_m, 0.0])
+    }
+
+    const fn wall(at_m: f32) -> Block {
+        between([-4.0, at_m, -1.0], [4.0, at_m + 0.1, 2.0])
+    }
+
+    /// Finds the table in a shot of the things and what stands around them; its middle must be that of the things. Where
+    /// the structure is that was found.
+    fn structure_about(blocks: &[Block], down_rad: f32, noise_m: f32) -> Option<Vec3> {
+        let (points, sides) = shot(&[&THINGS[..], blocks].concat(), down_rad, noise_m);
+        let best = find_tables(&points, None, Some(sides), &mut Stream::new(1, 0, Purpose::Plane, 1))[0];
+        let pose = eye(down_rad, 0.0);
+        assert!(is_table(&best, pose.rotation.inverse() * Vec3::Z, -pose.translation.z), "{down_rad} {best:?}");
+        let middle_m = pose * best.foot_m();
+        assert!(middle_m.distance(Vec3::Y * 0.04) < 0.12, "{blocks:?} from {down_rad}: {middle_m}");
+        best.structure_m.map(|at_m| pose * at_m)
+    }
+
+    #[test]
+    fn a_wall_is_no_thing_wherever_it_crosses_the_tables_plane() {
+        for at_m in [0.35, 0.6, 0.85, 1.35, 2.35] {
+            for noise_m in [0.0, 0.004] {
+                for down_rad in [0.35, 0.6, 0.9] {
+                    let around = [vec![top(at_m), wall(at_m)], vec![top(0.3), FLOOR, wall(at_m)]];
+                    for blocks in around {
+                        let found = structure_about(&blocks, down_rad, noise_m);
+                        // From higher up it is out of sight, and so far away nothing counts.
+                        let is_seen = down_rad < 0.4 && at_m < 2.0;
+                        assert!(
+                            !is_seen || found.is_some_and(|there| (there.y - at_m).abs() < 0.1),
+                            "{at_m} {found:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_stands_behind_draws_the_middle_from_no_things() {
+        let board = |z_m: f32| between([-0.5, 0.9, z_m], [0.5, 1.2, z_m + 0.02]);
+        let stored = |x_m: f32, z_m: f32| between([x_m, 0.95, z_m + 0.02], [x_m + 0.15, 1.05, z_m + 0.2]);
+        let back = between([-0.5, 1.18, 0.0], [0.5, 1.2, 0.9]);
+        let mut shelf = vec![top(3.0), back];
+        for z_m in [0.0, 0.3, 0.6] {
+            shelf.extend([board(z_m), stored(-0.4, z_m), stored(-0.1, z_m), stored(0.2, z_m)]);
+        }
+        let second = [between([-0.7, 0.9, -0.02], [0.7, 1.6, 0.0]), between([-0.4, 1.0, 0.0], [-0.2, 1.2, 0.3])];
+        let second = [&second[..], &[between([0.1, 0.95, 0.0], [0.4, 1.1, 0.25]), FLOOR, top(0.5), wall(1.8)]].concat();
+        let person = vec![between([-0.3, 0.8, -0.75], [0.15, 1.05, 0.6]), FLOOR, top(0.5)];
+        let cupboard = vec![between([-2.0, 0.7, 0.0], [2.0, 1.2, 1.1]), top(3.0)];
+        for blocks in [shelf, second, person, cupboard] {
+            for down_rad in [0.35, 0.6] {
+                assert!(structure_about(&blocks, down_rad, 0.002).is_some());
+            }
+        }
+        for blocks in [vec![top(3.0)], vec![top(0.3), FLOOR]] {
+            assert_eq!(structure_about(&blocks, 0.35, 0.0), None);
+        }
+    }
+
+    /// The highest of things before nothing is cut by no image; without its sides nobody knows.
+    #[test]
+    fn an_image_may_show_nothing_above_things() {
+        let (points, sides) = shot(&[&THINGS[..], &[top(0.3)]].concat(), 0.35, 0.0);
+        let found = |sides| find_tables(&points, None, sides, &mut Stream::new(1, 0, Purpose::Plane, 1))[0].structure_m;
+        assert!(found(Some(sides)).is_none() && found(None).is_some());
     }
 }

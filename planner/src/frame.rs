@@ -80,7 +80,7 @@ fn describe(plane: &Plane) -> String {
 ///
 /// # Errors
 /// [`InputError`] if it is a TSDF.
-pub(crate) fn shown_m(observation: &Observation) -> Result<Cow<'_, [Vec3]>, InputError> {
+fn shown_m(observation: &Observation) -> Result<Cow<'_, [Vec3]>, InputError> {
     match observation {
         Observation::Views(views) => {
             Ok(views.iter().flat_map(|view| seen_m(view, COLUMNS_PX)).collect::<Vec<_>>().into())
@@ -90,18 +90,30 @@ pub(crate) fn shown_m(observation: &Observation) -> Result<Cow<'_, [Vec3]>, Inpu
     }
 }
 
-/// Finds the table among points and puts the workspace on it: z along its normal, x along the camera's, what stands
-/// there in the middle of a network's grid.
+/// Finds the table in an observation and puts the workspace on it: z along its normal, x along the camera's, the things
+/// there that the camera is pointed at in the middle of a network's grid.
 ///
 /// # Errors
-/// [`InputError`] if no plane was seen.
-pub(crate) fn find(points_m: &[Vec3], wanted: &FindTable, grid: &Grid, seed: u64) -> Result<FoundTable, InputError> {
-    let stream = || Stream::new(seed, 0, Purpose::Plane, 1);
-    let candidates = find_tables(points_m, wanted.gravity(), &mut stream());
+/// [`InputError`] if no plane was seen, or it is a TSDF.
+pub(crate) fn find(
+    observation: &Observation,
+    wanted: &FindTable,
+    grid: &Grid,
+    seed: u64,
+) -> Result<FoundTable, InputError> {
+    let points_m = shown_m(observation)?;
+    let sides = observation.images().and_then(<[View]>::first).map(|first| {
+        let lens = first.camera.intrinsics;
+        [[0, 0], [lens.width_px, lens.height_px]].map(|pixel| lens.ray(pixel).truncate())
+    });
+    let tables = |points_m: &[Vec3]| {
+        find_tables(points_m, wanted.gravity(), sides, &mut Stream::new(seed, 0, Purpose::Plane, 1))
+    };
+    let candidates = tables(&points_m);
     let Some(best) = candidates.first().filter(|best| best.score > 0.0) else {
         let of_other_unit = UNITS.into_iter().find(|unit| {
             let scaled: Vec<Vec3> = points_m.iter().map(|at| *at * *unit).collect();
-            find_tables(&scaled, wanted.gravity(), &mut stream()).first().is_some_and(|best| best.share > SHARE_MIN)
+            tables(&scaled).first().is_some_and(|best| best.share > SHARE_MIN)
         });
         let hint = match of_other_unit {
             Some(unit) => format!("one would be seen if the depths were {unit} of what they are (set depth_scale_m)"),
@@ -324,7 +336,7 @@ fn misplaced(view: &View, base_from_workspace: Option<Pose>, grid: &Grid, seed: 
     let own_m: Vec<Vec3> = seen_m(view, COLUMNS_PX).into_iter().map(|at| camera_from_workspace * at).collect();
     let tables = |depths: f32| {
         let scaled: Vec<Vec3> = own_m.iter().map(|at| *at * depths).collect();
-        let mut found = find_tables(&scaled, None, &mut Stream::new(seed, 0, Purpose::Plane, 1));
+        let mut found = find_tables(&scaled, None, None, &mut Stream::new(seed, 0, Purpose::Plane, 1));
         let least = STRONG * found.first().map_or(0.0, |best| best.score);
         found.retain(|table| table.score >= least && table.share >= SHARE_MIN);
         found
@@ -359,7 +371,7 @@ fn in_camera_frame(points_m: &[Vec3], grid: &Grid, seed: u64) -> Option<String> 
     if on_table as f32 >= SHARE_MIN * points_m.len() as f32 {
         return None;
     }
-    let found = find_tables(points_m, None, &mut Stream::new(seed, 0, Purpose::Plane, 1));
+    let found = find_tables(points_m, None, None, &mut Stream::new(seed, 0, Purpose::Plane, 1));
     // Below a camera that stands upright, y points down and z forward.
     let is_seen_so = |best: &TableCandidate| best.share > 0.2 && best.plane.normal.z < 0.0;
     found.first().is_some_and(is_seen_so).then(|| {
@@ -532,7 +544,7 @@ mod tests {
         let views = demo_views();
         let first = views[0].camera.workspace_from_camera;
         let seen = moved(&Observation::Views(views), &first.inverse());
-        let found = find(&shown_m(&seen).unwrap(), &FindTable::default(), &Grid::PAPER, 1).unwrap();
+        let found = find(&seen, &FindTable::default(), &Grid::PAPER, 1).unwrap();
         assert!(found.sureness() > 0.5 && found.warning().is_none(), "{found:?}");
         // Up is up, and the table is at its height; where x and y are is chosen.
         let between = found.workspace_from_first * first.inverse();
@@ -541,7 +553,7 @@ mod tests {
         let Observation::Views(again) = moved(&seen, &found.workspace_from_first) else { panic!("views") };
         assert_eq!(disagreements(&again, None, &Grid::PAPER, 1), Vec::<String>::new());
         let nothing = Observation::Cloud { points_m: Vec::new(), eyes_m: Vec::new() };
-        let error = find(&shown_m(&nothing).unwrap(), &FindTable::default(), &Grid::PAPER, 1).unwrap_err().to_string();
+        let error = find(&nothing, &FindTable::default(), &Grid::PAPER, 1).unwrap_err().to_string();
         assert!(error.starts_with("no table was found"), "{error}");
     }
 }

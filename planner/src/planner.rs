@@ -165,8 +165,7 @@ impl Planner {
             warnings.extend(frame::doubts(observation, options.base_from_workspace, &self.grid, seed));
             return self.plan_in(observation, None, options, will_do, timings_ms, warnings);
         };
-        let found =
-            timed(&mut timings_ms, "table", || frame::find(&frame::shown_m(observation)?, wanted, &self.grid, seed))?;
+        let found = timed(&mut timings_ms, "table", || frame::find(observation, wanted, &self.grid, seed))?;
         warnings.extend(found.warning());
         let (observation, options) =
             (frame::moved(observation, &found.workspace_from_first), options.seen_from(found.workspace_from_first));
