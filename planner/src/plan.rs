@@ -290,6 +290,10 @@ struct TableCandidateAnswer {
     share: f32,
     /// Share of the points that it carries.
     carried_share: f32,
+    /// Where the things on it are, in metres.
+    middle_m: [f32; 3],
+    /// The point of a wall, a shelf or the like above it that is nearest to them, in metres; null if there is none.
+    structure_m: Option<[f32; 3]>,
     /// How well it answers, against the chosen plane.
     score: f32,
 }
@@ -313,6 +317,8 @@ fn table<S: Serializer>(found: &Option<FoundTable>, serializer: S) -> Result<S::
             residual_m: one.residual_m,
             share: one.share,
             carried_share: one.carried_share,
+            middle_m: one.middle_m.to_array(),
+            structure_m: one.structure_m.map(|at_m| at_m.to_array()),
             score: one.score / best,
         };
         TableAnswer { sureness: found.sureness(), candidates: found.candidates.iter().map(candidate).collect() }

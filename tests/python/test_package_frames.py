@@ -176,11 +176,25 @@ def test_the_table_is_found_without_a_pose(eye_m):
     must_hold(plan, pose)
     assert plan.warnings == [] and plan.answer["table"]["sureness"] > 0.5
     best = plan.answer["table"]["candidates"][0]
-    assert best["residual_m"] < 1e-3 and np.allclose(best["normal"], pose[2, :3], atol=4e-3)
+    assert best["structure_m"] is None and best["residual_m"] < 1e-3 and np.allclose(best["normal"], pose[2, :3], atol=4e-3)
     # With the pose there is no table to be found, and the same frames are given.
     placed = PLANNER.plan(depth, graspmill.Camera.from_K(K, SHAPE, pose))
     assert placed.answer["table"] is None and np.allclose(placed.workspace_from_camera, pose, atol=1e-6)
     must_hold(placed, pose)
+
+
+def test_a_wall_behind_the_table_is_no_thing():
+    """The wall is told, and the workspace stays at the things."""
+    depth, camera, pose = seen_from((0.15, -0.5, 0.35))
+    v, u = np.indices(SHAPE)
+    rays = np.stack([(u - 320.0) / 540.0, (v - 240.0) / 540.0, np.ones(SHAPE)], axis=-1) @ pose[:3, :3].T
+    wall = (1.0 - pose[1, 3]) / np.maximum(rays[..., 1], 1e-6)
+    plan = PLANNER.plan(np.where(depth > 0.0, np.minimum(depth, wall), wall).astype(np.float32), camera)
+    best = plan.answer["table"]["candidates"][0]
+    middle, structure = ((pose @ [*best[name], 1.0])[:2] for name in ("middle_m", "structure_m"))
+    assert np.linalg.norm(middle - [0.15, 0.18]) < 0.15 and abs(structure[1] - 1.0) < 0.02
+    assert all(np.linalg.norm((pose @ grasp.camera_from_grasp)[:2, 3] - [0.15, 0.18]) < 0.2 for grasp in plan[:5])
+    assert len(plan) >= 5
 
 
 def test_the_command_finds_the_same_table(tmp_path):
