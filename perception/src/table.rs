@@ -462,8 +462,8 @@ mod tests {
         between([-4.0, at_m, -1.0], [4.0, at_m + 0.1, 2.0])
     }
 
-    /// Finds the table in a shot of the things and what stands around them; its middle must be that of the things. Where
-    /// the structure is that was found.
+    /// Finds the table in a shot of the things and what stands around them; its middle must be that of the things.
+    /// Where the structure is that was found.
     fn structure_about(blocks: &[Block], down_rad: f32, noise_m: f32) -> Option<Vec3> {
         let (points, sides) = shot(&[&THINGS[..], blocks].concat(), down_rad, noise_m);
         let best = find_tables(&points, None, Some(sides), &mut Stream::new(1, 0, Purpose::Plane, 1))[0];

@@ -30,8 +30,8 @@ settings! {
         pub solver_iterations: usize where 1..=1_000,
         /// Natural frequency of the contact springs, in Hz, for dynamic and static contacts alike.
         pub contact_frequency_hz: f32 where 1.0..=100_000.0,
-        /// How deep a finger may sink into an object at the finger force, in metres: objects too light for that get more
-        /// inertia, but no weight. 0, as in datasets that do not say: as deep as it does.
+        /// How deep a finger may sink into an object at the finger force, in metres: objects too light for that get
+        /// more inertia, but no weight. 0, as in datasets that do not say: as deep as it does.
         pub finger_depth_m_max: f32 where 0.0..=0.01; or 0.0,
         /// Gravity, downwards, in m/s².
         pub gravity_m_s2: f32 where 0.1..=100.0,
@@ -53,7 +53,7 @@ impl Physics {
         step_rate_hz: 240.0,
         solver_iterations: 8,
         contact_frequency_hz: 480.0,
-        finger_depth_m_max: 0.000_05,
+        finger_depth_m_max: 0.000_1,
         gravity_m_s2: 9.81,
         table_friction: 1.0,
         shortcuts: false,

@@ -62,8 +62,8 @@ pub struct ObjectGrasp {
     /// How near the open gripper comes to the object, there and on its straight way, in metres: by so much its boxes
     /// could grow before they touch; below 0 how deep they are in it. Between -0.02 and 0.02.
     pub clearance_m: Option<f32>,
-    /// How far the object was pushed aside, in metres, where the open gripper would touch it by little; `None` if it was
-    /// not.
+    /// How far the object was pushed aside, in metres, where the open gripper would touch it by little; `None` if it
+    /// was not.
     pub pushed_m: Option<f32>,
     /// Of its repeats with errors of pose, friction, mass and force, whether it held or not, the share that held.
     pub p_held: Option<f32>,

@@ -5,7 +5,8 @@
 //! of a plate and throw it out. The remedy is that of quasi-static simulations with explicit steps, mass scaling: a
 //! body that is too light for the gripper gets the inertia that it takes for [`Physics::finger_depth_m_max`], while
 //! all forces on it (weight, and those of a gripper that is shaken) stay those of its own mass. What a grip bears by
-//! statics is then the same; only the accelerations of the body differ, and what the fingers' force could give it is far above any that it needs.
+//! statics is then the same; only the accelerations of the body differ, and what the fingers' force could give it is
+//! far above any that it needs.
 //!
 //! Under the edge of a pad a thin body gives way by turning, too: a force that passes its centre of mass at a distance
 //! r meets a mass of m / (1 + r² / k²), where k is its radius of gyration. So narrow things, such as knives, get more:

@@ -1,5 +1,5 @@
-//! What a grip holds by statics it holds at any mass: a light object is not thrown out of a strong gripper, afloat or on
-//! a table.
+//! What a grip holds by statics it holds at any mass: a light object is not thrown out of a strong gripper, afloat or
+//! on a table.
 //!
 //! Closed form: two plates with friction μ that press with F hold 2 μ F, thousands of times the weight of a few grams.
 

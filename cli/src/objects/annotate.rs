@@ -58,8 +58,8 @@ pub(crate) struct Arguments {
     #[arg(long, default_value = "turn", value_parser = one_of!(GripTest))]
     test: GripTest,
 
-    /// Where the open gripper would touch the object on its way, push it aside, at most so far; more is a collision, and
-    /// with 0 every touch
+    /// Where the open gripper would touch the object on its way, push it aside, at most so far; more is a collision,
+    /// and with 0 every touch
     #[arg(long, value_name = "METRES", default_value_t = 0.003, value_parser = between(0.0..=0.02_f32))]
     touch: f32,
 

@@ -12,8 +12,8 @@ pub(super) const HOLD: Hold = Hold { moved_m_max: 0.01, turned_rad_max: 0.349 };
 const PULL_S: f32 = 0.25;
 
 /// The settings of every floating world. Blades and walls of cups are thinner than the 2 mm at which jaws have met in
-/// scenes: here nothing is left between them.
-pub static PHYSICS: Physics = Physics::STANDARD;
+/// scenes: here nothing is left between them. Edges of thin things take the finger's half of a scene's depth.
+pub static PHYSICS: Physics = Physics { finger_depth_m_max: 0.000_05, ..Physics::STANDARD };
 /// See [`PHYSICS`].
 pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0001, ..Procedure::PAPER };
 

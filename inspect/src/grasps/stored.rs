@@ -291,7 +291,7 @@ mod tests {
             assert!(error.to_string().contains(said), "{error}");
         }
         write("cube.json", info.replace("\"name\":\"cube\"", "\"name\":\"../cube\"").as_bytes());
-        assert_eq!(read_grasp_set(place.path(), "cube").unwrap().grasps, set.grasps);
+        assert_eq!(read_grasp_set(place.path(), "cube").unwrap().grasps, expected);
         let mut turned = set;
         turned.grasps[3].object_from_grasp.rotation = Quat::from_xyzw(0.0, 0.0, 0.0, 1e30);
         write("cube.parquet", &grasps_table(&turned).unwrap());

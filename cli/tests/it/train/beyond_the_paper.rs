@@ -139,6 +139,7 @@ fn a_run_begun_before_these_keys_goes_on_and_is_evaluated() {
         let mut inner: serde_json::Value = serde_json::from_str(own.as_str().unwrap()).unwrap();
         assert_eq!(inner["config"], serde_json::Value::String(new.clone()));
         inner["config"] = serde_json::Value::String(old.clone());
+        inner.as_object_mut().unwrap().remove("file_sha256");
         *own = serde_json::Value::String(inner.to_string());
         let mut header = header.to_string().into_bytes();
         header.resize(header.len().next_multiple_of(8), b' ');
