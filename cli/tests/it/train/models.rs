@@ -36,7 +36,8 @@ fn each_has_its_checksum_in_the_card_and_can_be_evaluated() {
         assert!(checkpoint.dataset_id.split('+').all(|id| card.contains(id)), "the card must name the datasets");
         let (model, data) = (model.to_str().unwrap(), data.to_str().unwrap());
         let args = ["evaluate", "--model", model, "--data", data, "--split", "all", "--json"];
-        let has_one_gripper = matches!(&checkpoint.architecture, Architecture::Judge(scope) if scope.grippers.is_none());
+        let has_one_gripper =
+            matches!(&checkpoint.architecture, Architecture::Judge(scope) if scope.grippers.is_none());
         if has_one_gripper {
             // The dataset's gripper has another palm.
             check_fails(
