@@ -10,7 +10,7 @@ from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
 
-from . import dataset, engines, passes
+from . import dataset, engines, experiment, passes
 from .compare import Rows, compare, compare_gate, compare_passes, rows_of
 from .report import EngineReport, Report, as_json, markdown, summary
 
@@ -20,12 +20,13 @@ EPILOG = """\
 examples:
   python scripts/crosscheck.py data/grasps --scenes 50
   python scripts/crosscheck.py data/grasps --engine all --report runs/parity.md --json runs/parity.json
+  python scripts/crosscheck.py runs/pile --scenes 20
 
 exit codes:
    0  done (whatever the agreement)
    2  wrong command line
-  65  the dataset is damaged or of an unknown version
-  78  no dataset there, or an engine's package is not installed
+  65  the dataset or the experiment is damaged or of an unknown version
+  78  neither of them is there, or an engine's package is not installed
 """
 
 
@@ -34,7 +35,8 @@ def main(arguments: list[str] | None = None) -> int:
     args = _parser().parse_args(arguments)
 
     def work() -> None:
-        data = dataset.read(args.dataset, args.scenes)
+        reader = experiment if experiment.is_one(args.dataset) else dataset
+        data = reader.read(args.dataset, args.scenes)
         names = list(engines.ENGINES) if args.engine == "all" else [args.engine]
         report = run(data, names, args.seed, command("crosscheck", arguments))
         write({args.report: markdown(report), args.json: json.dumps(as_json(report), indent=1) + "\n"})
@@ -73,11 +75,12 @@ def command(program: str, arguments: list[str] | None) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="crosscheck.py", description="Repeat a dataset's grasp attempts in another physics engine and compare the labels.",
+        prog="crosscheck.py",
+        description="Repeat the grasp attempts of a dataset or an experiment in another physics engine and compare the labels.",
         epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("dataset", type=Path, help="folder of the dataset")
-    parser.add_argument("--scenes", type=positive, metavar="N", help="only the first N scenes [default: all]")
+    parser.add_argument("dataset", type=Path, help="its folder, or that of `graspmill experiment run CONFIG --out DIR`")
+    parser.add_argument("--scenes", type=positive, metavar="N", help="only the first N scenes, of an experiment rounds [default: all]")
     parser.add_argument("--engine", choices=[*engines.ENGINES, "all"], default="pybullet", help="[default: pybullet]")
     parser.add_argument("--report", type=Path, metavar="F.md", help="write a report")
     parser.add_argument("--json", type=Path, metavar="F.json", help="write everything as JSON")

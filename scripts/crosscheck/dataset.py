@@ -132,7 +132,7 @@ def _scene(
         objects = sorted(objects, key=lambda row: row["object_id"])
         if [row["object_id"] for row in objects] != list(range(len(objects))):
             raise ValueError("object ids are not 0, 1, …")
-        made = [_object(row, models) for row in objects]
+        made = [object_of(row, models) for row in objects]
         tried = [_attempt(row, len(made)) for row in sorted(attempts, key=lambda row: row["attempt_id"])]
     except (ValueError, TypeError) as error:
         raise DamagedDataset(f"scene {scene_id}: {error}") from error
@@ -149,7 +149,8 @@ def pose_of(row: dict) -> Pose:
     return Pose(position, quat / length)
 
 
-def _object(row: dict, models: dict[str, Compound]) -> SceneObject:
+def object_of(row: dict, models: dict[str, Compound]) -> SceneObject:
+    """A row's object; raises ValueError if that is none."""
     solid = body_of(row["shape"], (row["size_x_m"], row["size_y_m"], row["size_z_m"]), models)
     if not (row["mass_kg"] > 0 and row["friction"] >= 0):
         raise ValueError(f"mass {row['mass_kg']} kg, friction {row['friction']}")

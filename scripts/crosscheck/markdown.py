@@ -36,11 +36,11 @@ def millimetres(value_m: float) -> str:
     return f"{1e3 * value_m:.3f}" if np.isfinite(value_m) else "–"
 
 
-def drifted(engine: str, what: str, moved_m: np.ndarray, turned_rad: np.ndarray) -> str:
+def drifted(engine: str, moved_m: np.ndarray, turned_rad: np.ndarray) -> str:
     """How far objects (n,) moved and turned without the gripper."""
     moved, turned = (np.percentile(x, [50, 99, 100]) for x in (moved_m, np.degrees(turned_rad)))
     return (
-        f"Half a second in {engine} without the gripper moves {len(moved_m):,} {what} by {millimetres(moved[0])} mm (median), "
+        f"Half a second in {engine} without the gripper moves {len(moved_m):,} settled objects by {millimetres(moved[0])} mm (median), "
         f"{millimetres(moved[1])} mm (99 %), {millimetres(moved[2])} mm (most), and turns them by {turned[0]:.3f}°, "
         f"{turned[1]:.3f}°, {turned[2]:.3f}°.\n\n"
     )

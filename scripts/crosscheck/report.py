@@ -77,7 +77,7 @@ def _engine(name: str, found: EngineReport) -> str:
     settings = ", ".join(f"{key} {value:g}" for key, value in about["settings"].items())
     parts = [f"## {name} {about['version']}\n\n{settings}.\n\n"]
     if len(drift.moved_m):
-        parts.append(drifted(name, "settled objects", drift.moved_m, drift.turned_rad))
+        parts.append(drifted(name, drift.moved_m, drift.turned_rad))
     parts.append(_widths(found))
     for mode, c in (("same gate", found.same), ("own approach", found.own)):
         parts.append(_mode(mode, c))

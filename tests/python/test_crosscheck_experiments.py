@@ -1,4 +1,4 @@
-"""scripts/judge_pybullet.py: its hulls and compounds against closed forms, and experiments whose report is known by hand."""
+"""The cross-check of experiments: hulls and compounds against closed forms, and a report that is known by hand."""
 
 import json
 from importlib.util import find_spec
@@ -11,15 +11,13 @@ import pyarrow.parquet as pq
 import pytest
 from attempts import DOWN, GRIPPER, PROCEDURE, SOLIDS, TABLE, UPRIGHT
 
-from crosscheck import gate
+from crosscheck import cli, gate
 from crosscheck.attempt import Runner
 from crosscheck.compound import Compound, box_of
 from crosscheck.contract import Attempt, Scene, SceneObject
 from crosscheck.hull import hull_of
 from crosscheck.pose import Pose, angle_between_rad, quat_from_vector
 from crosscheck.solid import Solid
-from judge import cli
-from judge.report import rates
 
 # Parts that need no engine are tested without it.
 needs_pybullet = pytest.mark.skipif(find_spec("pybullet") is None, reason="pybullet is not installed")
@@ -207,22 +205,6 @@ def test_two_fingers_of_20_n_hold_a_compound_as_coulomb_says(engine, mass_kg, ou
     assert ended.outcome == outcome and ended.width_m == pytest.approx(0.04, abs=3e-4)
 
 
-def test_rounds_are_drawn_whole():
-    """One grasp a round: the binomial's interval. Ten that go together: as wide as the count of rounds says."""
-    held = np.arange(400) % 5 > 0
-    apart = rates(np.column_stack([held, held]), np.arange(400), np.arange(400))
-    width = 2 * 1.96 * np.sqrt(0.8 * 0.2 / 400)
-    assert apart[0].value == 0.8 and apart[0].high - apart[0].low == pytest.approx(width, rel=0.1)
-    assert (apart[2].low, apart[2].high) == (0, 0)
-    together = np.repeat(np.arange(40) % 5 > 0, 10)
-    rounds = np.repeat(np.arange(40), 10)
-    few = rates(np.column_stack([together, ~together]), rounds, rounds)
-    assert (few[0].high - few[0].low) / (apart[0].high - apart[0].low) == pytest.approx(np.sqrt(10), abs=0.4)
-    assert few[2].value == pytest.approx(-0.6) and few[2].low == pytest.approx(few[1].low - few[0].high)
-    one = rates(np.array([[1, 0], [1, 1]]), np.array([3, 3]), np.array([3, 3, 4]))
-    assert [(r.value, r.low, r.high) for r in one] == [(1, 0, 1), (0.5, 0, 1), (-0.5, -1, 1)]
-
-
 CUBOID = {"body": "cuboid", "size_x_m": 0.04, "size_y_m": 0.04, "size_z_m": 0.06, "z_m": 0.08}
 STANDING = {"body": "stand", **dict(zip(("size_x_m", "size_y_m", "size_z_m"), STAND_EXTENTS_M)), "z_m": 0.085}
 # Round, trial, object, its mass, height of the grasp, its shift along y, our outcome, PyBullet's.
@@ -246,7 +228,7 @@ def experiment(folder: Path, attempts: list | None = None, objects: list | None 
         key = {"round": number, "trial": trial}
         here = {"mass_kg": mass_kg, "friction": 1.0, "x_m": 0.15, "y_m": 0.15, **upright}
         stood += [{**key, "object_id": 4, **here, **CUBOID, "mass_kg": 0.1, "x_m": 0.28}, {**key, "object_id": 2, **here, **body}]
-        tried.append({**key, "target_id": 2, "outcome": ours, "x_m": 0.15, "y_m": 0.15 + y_m, "z_m": z_m, **down, "width_m": 0.04})
+        tried.append({**key, "target_id": 2, "outcome": ours, "hit": "", "x_m": 0.15, "y_m": 0.15 + y_m, "z_m": z_m, **down, "width_m": 0.04})
     # The order of rows does not matter.
     pq.write_table(pa.Table.from_pylist(tried[::-1] if attempts is None else attempts), folder / "attempts.parquet")
     pq.write_table(pa.Table.from_pylist(stood if objects is None else objects), folder / "objects.parquet")
@@ -261,44 +243,32 @@ def experiment(folder: Path, attempts: list | None = None, objects: list | None 
 def test_the_report_is_what_one_counts_by_hand(tmp_path, capsys):
     folder, files = experiment(tmp_path / "run"), [tmp_path / "out" / name for name in ("a.md", "a.json")]
     assert cli.main([str(folder), "--report", str(files[0]), "--json", str(files[1])]) == 0
-    text, found = capsys.readouterr().out, json.loads(files[1].read_text())
-    assert text == files[0].read_text()
-    rows = [(row["round"], row["trial"], row["body"], row["ours"], row["pybullet"]) for row in found["attempts"]]
-    assert rows == [(number, trial, body["body"], ours, theirs) for number, trial, body, _, _, _, ours, theirs in GRASPS]
-    assert (found["rounds"], found["gate_differences"], found["seeds"]) == (3, 1, [7])
-
-    whole = found["overall"]
-    assert whole["held_ours_by_pybullet"] == [[2, 1], [1, 2]]
-    # Rounds hold 1, 2, 0 of 2 here and 1 of 2 there; three draws of the third, or of the second, are 1 in 27 each.
-    assert whole["success_rate_ours"] == {"value": 0.5, "low": 0.0, "high": 1.0}
-    assert whole["success_rate_pybullet"] == {"value": 0.5, "low": 0.5, "high": 0.5}
-    assert whole["difference"] == {"value": 0.0, "low": -0.5, "high": 0.5}
-    assert whole["labels"]["share"] == pytest.approx(4 / 6) and whole["labels"]["kappa"] == pytest.approx(1 / 3)
-    assert whole["outcome_share"] == pytest.approx(4 / 6)
-    names, counts = whole["confusion"]["outcomes"], np.array(whole["confusion"]["ours_by_pybullet"])
+    text, found = files[0].read_text(), json.loads(files[1].read_text())
+    assert text.startswith(capsys.readouterr().out.rstrip())
+    assert (found["scenes"], found["attempts"], found["gate_differences"], found["seed"]) == (6, 6, 1, 7)
+    same = found["engines"]["pybullet"]["same_gate"]
+    assert same["overall"]["disagreeing"] == 2 and same["overall"]["kappa"] == pytest.approx(1 / 3)
+    assert same["outcome_share"] == pytest.approx(4 / 6)
+    names, counts = same["confusion"]["outcomes"], np.array(same["confusion"]["ours_by_theirs"])
     cells = {(names[i], names[j]): int(counts[i, j]) for i, j in zip(*np.nonzero(counts))}
     assert cells == {
         ("held", "held"): 2, ("empty", "empty"): 1, ("held", "approach_collision"): 1, ("slipped", "slipped"): 1,
         ("slipped", "held"): 1,
     }  # fmt: skip
-
-    closing = found["closing"]
-    assert (closing["attempts"], closing["held_ours_by_pybullet"]) == (5, [[2, 1], [0, 2]])
-    assert closing["labels"]["kappa"] == pytest.approx((0.8 - 0.48) / 0.52)
-    assert closing["success_rate_ours"]["value"] == 0.4 and closing["success_rate_pybullet"]["value"] == 0.6
-    bodies = {body: (part["attempts"], part["held_ours_by_pybullet"]) for body, part in found["by_body"].items()}
-    assert bodies == {"cuboid": (4, [[1, 1], [1, 1]]), "stand": (2, [[1, 0], [0, 1]])}
-
-    assert "| all | 6 | 50.00 % [0.00 %, 100.00 %] | 50.00 % [50.00 %, 50.00 %] | 0.00 % [-50.00 %, 50.00 %] | 2 | 66.67 % | 0.333" in text
-    assert "| held | 1 | 2 |" in text and "| 1/0 | cuboid | held | approach_collision |" in text
-    assert "| slipped | 0 | 0 | 0 | 1 | 0 | 1 |" in text and "only one of them holds (2)" in text
-    assert max(found["drift_m_p50_p99_max"]) < 5e-4
+    closing = same["closing"]
+    assert closing["count"] == 5 and closing["kappa"] == pytest.approx((0.8 - 0.48) / 0.52)
+    bodies = {body: (part["count"], part["disagreeing"]) for body, part in same["by_shape"].items()}
+    assert bodies == {"cuboid": (4, 2), "stand": (2, 0)}
+    wrong = [row for row in found["disagreements"] if (row["ours"] == "held") != (row["pybullet same_gate"] == "held")]
+    rows = [(row["scene_id"], row["attempt_id"], row["ours"], row["pybullet same_gate"]) for row in wrong]
+    assert rows == [(number, trial, ours, theirs) for number, trial, *_, ours, theirs in GRASPS if (ours == "held") != (theirs == "held")]
+    assert max(found["engines"]["pybullet"]["drift_m_p50_p99_max"]) < 5e-4
 
 
 @needs_pybullet
 def test_rounds_are_the_first(tmp_path, capsys):
-    assert cli.main([str(experiment(tmp_path / "run")), "--rounds", "2"]) == 0
-    assert "4 executed grasps of 2 rounds" in capsys.readouterr().out
+    assert cli.main([str(experiment(tmp_path / "run")), "--scenes", "2"]) == 0
+    assert "4 attempts in 4 of 4 scenes" in capsys.readouterr().out
 
 
 def changed(name: str, **values: object):
@@ -362,7 +332,7 @@ def test_damage_is_told(tmp_path, capsys, damage, words):
     assert words in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("flags", [["--rounds", "0"], ["--rounds", "many"], []])
+@pytest.mark.parametrize("flags", [["--scenes", "0"], ["--scenes", "many"], []])
 def test_a_wrong_command_line_is_2(tmp_path, flags):
     with pytest.raises(SystemExit) as stopped:
         cli.main([*([str(tmp_path)] if flags else []), *flags])
