@@ -74,14 +74,22 @@ def _read_info(folder: Path) -> dict:
     path = folder / "meta" / "info.json"
     if not path.is_file():
         raise NoDataset(f"{folder} holds no dataset: {path} is missing")
-    try:
-        info = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise DamagedDataset(f"{path}: {error}") from error
-    version = info.get("format_version") if isinstance(info, dict) else None
+    info = read_json(path)
+    version = info.get("format_version")
     if version not in FORMAT_VERSIONS:
         raise DamagedDataset(f"{path}: format version {version}, this program reads {FORMAT_VERSIONS[0]} to {FORMAT_VERSIONS[-1]}")
     return info
+
+
+def read_json(path: Path) -> dict:
+    """The object in a file of JSON."""
+    try:
+        value = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise DamagedDataset(f"{path}: {error}") from error
+    if not isinstance(value, dict):
+        raise DamagedDataset(f"{path}: an object is needed")
+    return value
 
 
 def build(kind: type, values: dict):
@@ -93,7 +101,7 @@ def build(kind: type, values: dict):
 def _read_fixtures(folder: Path, count: int, size_m: float, table_z_m: float) -> dict[int, tuple[Hull, ...]]:
     """The parts of the containers, by scene; none for the bare table."""
     fixtures = {}
-    for row in _rows(folder, "scenes", ["scene_id", "container", *CONTAINER_SIZES], count):
+    for row in read_rows(folder / "scenes", ["scene_id", "container", *CONTAINER_SIZES], "scene_id", count):
         if row["container"] is None:
             continue
         try:
@@ -106,9 +114,9 @@ def _read_fixtures(folder: Path, count: int, size_m: float, table_z_m: float) ->
 
 def _read_scenes(folder: Path, count: int, models: dict[str, Compound], fixtures: dict[int, tuple[Hull, ...]]) -> list[Scene]:
     objects, attempts = defaultdict(list), defaultdict(list)
-    for row in _rows(folder, "objects", OBJECT_COLUMNS, count):
+    for row in read_rows(folder / "objects", OBJECT_COLUMNS, "scene_id", count):
         objects[row["scene_id"]].append(row)
-    for row in _rows(folder, "attempts", ATTEMPT_COLUMNS, count):
+    for row in read_rows(folder / "attempts", ATTEMPT_COLUMNS, "scene_id", count):
         attempts[row["scene_id"]].append(row)
     missing = [scene for scene in range(count) if scene not in objects or scene not in attempts]
     if missing:
@@ -116,13 +124,15 @@ def _read_scenes(folder: Path, count: int, models: dict[str, Compound], fixtures
     return [_scene(scene, objects[scene], attempts[scene], models, fixtures.get(scene, ())) for scene in range(count)]
 
 
-def _rows(folder: Path, table: str, columns: list[str], count: int) -> list[dict]:
+def read_rows(path: Path, columns: list[str], key: str, below: int | None) -> list[dict]:
+    """The rows of a table; unless it is None, those of which a number is `below` this one."""
     try:
-        source = pads.dataset(folder / table, format="parquet")
-        rows = source.to_table(columns=columns, filter=pads.field("scene_id") < count).to_pylist()
-    except (OSError, KeyError, pa.ArrowException) as error:
-        raise DamagedDataset(f"{folder / table}: {error}") from error
-    return rows
+        source = pads.dataset(path, format="parquet")
+        if missing := [name for name in columns if name not in source.schema.names]:
+            raise DamagedDataset(f"{path} has no column {', '.join(missing)}")
+        return source.to_table(columns=columns, filter=None if below is None else pads.field(key) < below).to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        raise DamagedDataset(f"{path}: {error}") from error
 
 
 def _scene(

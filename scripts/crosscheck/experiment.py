@@ -3,16 +3,12 @@ and objects.parquet, without our other code."""
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.dataset as pads
-
 from .compound import Compound, compound_of
 from .contract import OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene
-from .dataset import POSE, DamagedDataset, Dataset, NoDataset, build, object_of, pose_of
+from .dataset import POSE, DamagedDataset, Dataset, NoDataset, build, object_of, pose_of, read_json, read_rows
 
 RUN, BODIES, ATTEMPTS, OBJECTS = "run.json", "bodies.json", "attempts.parquet", "objects.parquet"
 COLUMNS = {
@@ -31,7 +27,7 @@ def read(folder: Path, round_count: int | None) -> Dataset:
     missing = [name for name in (RUN, ATTEMPTS, OBJECTS) if not (folder / name).is_file()]
     if missing:
         raise NoDataset(f"{folder} holds no experiment whose grasps can be executed again: {', '.join(missing)} missing")
-    run = _json(folder / RUN)
+    run = read_json(folder / RUN)
     if "container" in run:
         raise NoDataset(f"{folder / RUN}: its scenes have containers, whose walls this program does not build in other engines")
     try:
@@ -46,20 +42,10 @@ def read(folder: Path, round_count: int | None) -> Dataset:
     return Dataset(folder.resolve().name, seed, [gripper], procedure, environment, rate, scenes, len(scenes))
 
 
-def _json(path: Path) -> dict:
-    try:
-        value = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise DamagedDataset(f"{path}: {error}") from error
-    if not isinstance(value, dict):
-        raise DamagedDataset(f"{path}: an object is needed")
-    return value
-
-
 def _compounds(path: Path) -> dict[str, Compound]:
     """The compounds by name; none if there is no such file."""
     found = {}
-    for name, body in (_json(path) if path.exists() else {}).items():
+    for name, body in (read_json(path) if path.exists() else {}).items():
         try:
             found[name] = compound_of(name, [part["vertices_m"] for part in body["parts"]])
         except (KeyError, TypeError, ValueError) as error:
@@ -89,14 +75,7 @@ def _scenes(folder: Path, round_count: int | None, compounds: dict[str, Compound
 
 
 def _rows(folder: Path, table: str, round_count: int | None) -> list[dict]:
-    try:
-        source = pads.dataset(folder / table, format="parquet")
-        if missing := [name for name in COLUMNS[table] if name not in source.schema.names]:
-            raise DamagedDataset(f"{folder / table} has no column {', '.join(missing)}")
-        chosen = None if round_count is None else pads.field("round") < round_count
-        rows = source.to_table(columns=COLUMNS[table], filter=chosen).to_pylist()
-    except (OSError, pa.ArrowException) as error:
-        raise DamagedDataset(f"{folder / table}: {error}") from error
+    rows = read_rows(folder / table, COLUMNS[table], "round", round_count)
     if any(row["round"] is None or row["trial"] is None for row in rows):
         raise DamagedDataset(f"{folder / table}: a row without round or trial")
     return rows
