@@ -12,8 +12,8 @@ from .agreement import Agreement
 def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     """A table, first column to the left, the others to the right."""
     head = list(head)
-    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
-    return "".join("| " + " | ".join(str(cell) for cell in line) + " |\n" for line in lines) + "\n"
+    first, *rest = ["| " + " | ".join(str(cell) for cell in line) + " |\n" for line in [head, *rows]]
+    return "".join([first, "|---" + "|---:" * (len(head) - 1) + "|\n", *rest]) + "\n"
 
 
 def percent(share: float) -> str:
