@@ -111,7 +111,7 @@ def of_acronym(folder: Path) -> list[Given]:
         hands, held = data["hand"][order].astype(float), (data["held"][order] > 0).astype(float)
         poses = [Pose(m[:3, 3] + ACRONYM_TIPS_M * m[:3, 2], quat_of(m[:3, :3] @ ACRONYM_FROM_GRASP)) for m in hands]
         # The name as that of a set of grasps.
-        name = about["name"].replace("-", "_")
+        name = about["name"]
         given.append(Given(name, [about["kind"]] * len(held), folder / f"{about['name']}.ply", poses, held))
     return given
 

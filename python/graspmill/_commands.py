@@ -112,7 +112,7 @@ def _experiment(words: list[str]) -> int:
     planner = ServedPlanner(given.planner, given.planner_timeout_s, given.tip_depth)
     command = shlex.join(["graspmill", *words])
     work = _native.Experiment(given.out, given.config, pairs, (planner.id, planner.who), command, threads)
-    if doubt := planner.doubt(Gripper._of(work.hand())):
+    if doubt := planner.doubt(Gripper._of(work.gripper())):
         print(f"warning: {doubt}", file=sys.stderr)
     in_short = play(work, planner, lambda done, total, held: _progress(f"{done:,} of {total:,} rounds, {held:,} grasps held"))
     _progress("")
