@@ -36,9 +36,9 @@ def generated(tmp_path_factory, *words, **settings):
 
 @pytest.fixture(scope="session")
 def walled(tmp_path_factory):
-    """24 scenes of 40 attempts, four of ten in bins, on trays and in shelves."""
+    """32 scenes of 40 attempts, four of ten in bins, on trays and in shelves."""
     config = Path(__file__).parents[2] / "configs/generate/judge.toml"
-    return generated(tmp_path_factory, config, shards=1, attempts=960, seed=3, settings={"attempts_per_scene": 40})
+    return generated(tmp_path_factory, config, shards=1, attempts=1_280, seed=3, settings={"attempts_per_scene": 40})
 
 
 @pytest.fixture(scope="session")
