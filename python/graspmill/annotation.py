@@ -48,7 +48,7 @@ def annotate(
 
     path = os.path.abspath(_arrays.path("object", object)) if isinstance(object, (str, os.PathLike)) else None
     _arrays.must(path is not None or scale is None, "scale goes with a file")
-    thing = object if path is not None or isinstance(object, Object) else Object.mesh(object, (0, 0, 0))
+    thing: Any = object if path is not None or isinstance(object, Object) else Object.mesh(object, (0, 0, 0))
     body = (thing._body, thing.mass_kg, thing.friction, [0.0] * 3 if thing is object else thing._body.centre_m) if path is None else None
     scale = None if scale is None else _arrays.number("scale", scale, 1e-9, 1e6)
     parts = [_arrays.number("shares", share, 0.0, 1.0) for share in _arrays.floats("shares", shares, (3,))]

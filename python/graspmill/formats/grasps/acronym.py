@@ -38,7 +38,7 @@ def _products_negated(inertia: Numbers) -> Numbers:
 
 def _bytes(array: Any) -> int:
     """The memory that an array takes, or a chunk of it, which is read as a whole."""
-    return int(array.dtype.itemsize) * max(array.size, math.prod(array.chunks or ()))
+    return int(array.dtype.itemsize * max(array.size, math.prod(array.chunks or ())))
 
 
 def read(path: str, given: GripperFrame) -> dict[str, Any]:
