@@ -1,7 +1,5 @@
 """Checks of arguments: every message names the argument, the rule and the value."""
 
-from __future__ import annotations
-
 import math
 import operator
 import os

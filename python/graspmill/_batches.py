@@ -1,7 +1,5 @@
 """Batches of samples, and a layer."""
 
-from __future__ import annotations
-
 from typing import TypedDict
 
 from torch import Tensor, nn

@@ -1,7 +1,5 @@
 """Checkpoints of networks in PyTorch, as the trainer writes them (``network/src/checkpoint/header.rs``)."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

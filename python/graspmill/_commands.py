@@ -1,8 +1,6 @@
 """Commands of the program that read or write formats of others, or ask the planner of others, wholly or before the native
 half goes on."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shlex

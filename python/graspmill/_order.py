@@ -4,8 +4,6 @@ A process is a worker of a rank. Ranks have runs of scenes of their own, or shar
 step, because what comes before it is drawn and left out.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property

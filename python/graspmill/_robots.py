@@ -1,7 +1,5 @@
 """Descriptions of robots, URDF and MJCF, by MuJoCo: which link carries which, how joints move them, and their shapes."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import struct

@@ -1,8 +1,6 @@
 """A planner behind an address, as GraspGen-X's and DexGraspNet 2's servers have it (``POST /predict``, contract 0.1.0), as a
 function for :func:`graspmill.experiment`. It is asked about one object after the other, with the true segmentation."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import http.client

@@ -5,8 +5,6 @@ same dataset gives the same bytes. Each file gets its name when it is whole, so 
 missing ones; ``export-begun.json`` identifies it meanwhile. ``export.json``, written last, describes the content.
 """
 
-from __future__ import annotations
-
 import fcntl
 import inspect
 import json

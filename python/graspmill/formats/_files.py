@@ -1,7 +1,5 @@
 """Numbers as text, and files that are whole once they have their name."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import os

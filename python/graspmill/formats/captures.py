@@ -1,8 +1,6 @@
 """What cameras and other programs save, as ``graspmill plan`` reads it: clouds of PLY and PCD as NPY, and intrinsics of ROS,
 RealSense, Open3D and OpenCV under our keys. What is read is a content, and where a cloud was seen from, if that is known."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -4,8 +4,6 @@ A format is a function of a file and of a list, to which it adds the meshes that
 ``[N, 3, 3]`` in metres, and the mass in kilograms, or ``None`` where there is none.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

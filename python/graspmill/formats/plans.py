@@ -1,7 +1,5 @@
 """Files of plans for robots: isaac_grasp, GraspNet, and the fields of ``moveit_msgs/Grasp`` (``docs/exporting.md``)."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

@@ -5,8 +5,6 @@ floats are in the plain encoding, because fastparquet does not know BYTE_STREAM_
 settings; there is no manifest, so that no program takes an export for the dataset.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Callable
 

@@ -13,8 +13,6 @@ The attempts along one point's normal make one grasp, the middle of the widest r
 lies nearer than 20 mm to a face of the workspace are left out, as VGN's recipe does.
 """
 
-from __future__ import annotations
-
 import io
 import zipfile
 from pathlib import Path

@@ -5,8 +5,6 @@ direction. Our grasp frame has +z along the approach, +y along the closing direc
 the tips.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, field
 from typing import Any, Mapping

@@ -1,7 +1,5 @@
 """ACRONYM's HDF5."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """GraspGen's JSON."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """GraspNet's rows of 17 numbers: +x is the approach, +y the closing direction, the tips lie at +depth."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

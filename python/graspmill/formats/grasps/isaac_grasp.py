@@ -1,7 +1,5 @@
 """isaac_grasp's YAML: of Isaac Sim's editor, and of GraspDataGen."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """MolmoSpaces' .npz."""
 
-from __future__ import annotations
-
 import zipfile
 from typing import Any
 

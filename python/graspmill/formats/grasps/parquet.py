@@ -1,7 +1,5 @@
 """Sets of ``graspmill objects annotate``: ``NAME.parquet``, and ``NAME.json`` beside it (``docs/object-grasps.md``)."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

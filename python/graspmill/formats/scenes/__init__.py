@@ -5,8 +5,6 @@ attempts with their outcomes, as plain numbers.
 
 # A format is a module with ``files``, the texts of a scene's files by their names.
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

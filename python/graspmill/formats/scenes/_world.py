@@ -3,8 +3,6 @@
 Lengths are in metres, quaternions x, y, z, w. Numbers keep the precision in which our physics has them.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Sequence, Union

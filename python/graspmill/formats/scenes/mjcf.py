@@ -8,8 +8,6 @@ scene's bodies are listed with their products; what a user adds meets them by Mu
 in the cross-check (``scripts/crosscheck/mujoco_engine.py``): with MuJoCo's soft default objects creep.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import product
 from typing import Any

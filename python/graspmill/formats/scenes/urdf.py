@@ -6,8 +6,6 @@
 there, others ignore it.
 """
 
-from __future__ import annotations
-
 from .._files import joined, number
 from ._world import Body, Box, Hull, Still, World
 

@@ -5,8 +5,6 @@ combine is not a matter of UsdPhysics, but of the engine; ``physxMaterial:fricti
 product.
 """
 
-from __future__ import annotations
-
 from typing import Any, Iterable
 
 import numpy as np

@@ -4,8 +4,6 @@ Operators of opset 13 and IR version 7, which every runtime for ONNX 1.8 (Novemb
 the names of the checkpoint.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path
