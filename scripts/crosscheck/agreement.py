@@ -1,7 +1,5 @@
 """Agreement of two label series: share, Cohen's kappa, bootstrap interval, confusion tables."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

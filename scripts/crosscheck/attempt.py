@@ -1,7 +1,5 @@
 """One attempt in another engine, step by step as simulator/src/attempt.rs has it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import ceil
 from typing import Protocol

@@ -11,8 +11,6 @@ The gear between the fingers is a force on Bullet's joints, so it is integrated 
 between them would oscillate at 240 Hz and drop it. For them the time step is halved until the gear is stable.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compares a pass with the stored outcomes, or with another pass."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

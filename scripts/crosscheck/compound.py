@@ -1,7 +1,5 @@
 """A rigid body of several convex parts, used like a `Solid`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

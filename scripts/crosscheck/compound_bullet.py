@@ -6,8 +6,6 @@ PyBullet changes the collision margin of bases only, but bodies share their shap
 of a separate body, where its margin is set.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pybullet
 

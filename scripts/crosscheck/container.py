@@ -4,8 +4,6 @@ It stands in the middle of the workspace, its sides along the workspace's axes. 
 profile of a vertical cut across it, drawn along its side and cut off at both ends along the diagonals.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import tan
 

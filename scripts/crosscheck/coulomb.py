@@ -13,8 +13,6 @@ in all (k < 1; for c < 0 it falls out). It is held if the lag is less than the f
 `held_travel_share_min` leaves. This needs a grasp from above through the centre of mass; others are excluded.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from dataclasses import dataclass

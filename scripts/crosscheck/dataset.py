@@ -1,7 +1,5 @@
 """Reads a dataset: meta/info.json and the Parquet shards, with pyarrow and nothing of the generator's."""
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 from dataclasses import MISSING, dataclass, fields

@@ -1,7 +1,5 @@
 """The engines by name. An engine's package is imported only when it is asked for."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 
 from .attempt import Engine

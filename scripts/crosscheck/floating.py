@@ -3,8 +3,6 @@
 There a shaken gripper is a frame that accelerates; here the gripper is moved, so that one checks the other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol

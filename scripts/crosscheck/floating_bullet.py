@@ -4,8 +4,6 @@ Of the points of a contact PyBullet may load one alone, and a hull's contact oft
 between two fingers is then hardly resisted, and it swings where in other engines it does not.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pybullet
 

@@ -1,7 +1,5 @@
 """MuJoCo for a floating object: the gripper's root is free, and its pose and speed are written in every step."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

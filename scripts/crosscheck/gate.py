@@ -5,8 +5,6 @@ the clearance and tested against the polyhedra of objects and container by separ
 once. `separation` keeps the widest gap along any axis, so that grazing cases can be distinguished from clear ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Convex bodies: from points by Qhull, whose triangles are put together where they lie on a plane."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property

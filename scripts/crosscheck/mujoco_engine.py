@@ -5,8 +5,6 @@ the product of both frictions (MuJoCo would take the larger). The palm is a body
 whose position and speed are written before every step.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations, product
 from xml.sax.saxutils import quoteattr

@@ -1,7 +1,5 @@
 """Reads a set of grasps of floating objects as a dataset of which each scene is one object, at its own origin."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command line for sets of grasps of floating objects."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections import Counter

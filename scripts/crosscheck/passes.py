@@ -1,7 +1,5 @@
 """A pass: every attempt of the dataset executed once, by one engine in one mode."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter

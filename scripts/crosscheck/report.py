@@ -1,7 +1,5 @@
 """The report as Markdown and as JSON."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
