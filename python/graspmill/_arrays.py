@@ -115,7 +115,6 @@ def text(name: str, value: object) -> str:
 
 
 def vgn_values(name: str, values: Floats) -> None:
-    """Refuses a TSDF that is not in VGN's values."""
     if values.size and not 0.0 <= float(values.min()) <= float(values.max()) <= 1.0:
         raise InputError(f"{name} must be between 0 and 1 (VGN's values), got {values.min():g} to {values.max():g}")
 
@@ -256,7 +255,6 @@ def _off(name: str, transforms: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _check_lengths(name: str, rows: NDArray[Any]) -> None:
-    """Refuses poses ``[N, 7]`` whose quaternions have another length than 1."""
     lengths = np.linalg.norm(rows[:, 3:].astype(np.float64), axis=1)
     if not (is_one := np.abs(lengths - 1.0) <= RIGID_OFF_MAX).all():
         worst = int(is_one.argmin())
@@ -265,6 +263,14 @@ def _check_lengths(name: str, rows: NDArray[Any]) -> None:
 
 def _check_near(name: str, positions_m: NDArray[Any]) -> None:
     must((far := np.abs(positions_m).max(initial=0.0)) <= FAR_M_MAX, f"{name} must be positions in metres within {FAR_M_MAX:g}, got {far:g}")
+
+
+def are_alike(pose: NDArray[np.float64], others: NDArray[np.float64], apart_m: float, apart_cos: float) -> NDArray[np.bool_]:
+    """Which of ``[N, 4, 4]`` are within a distance of a pose and turned by no more than an angle of this cosine, but for half a turn."""
+    turns = others[:, :3, :3].transpose(0, 2, 1) @ pose[:3, :3]
+    cosines = (np.abs(turns[:, 0, 0] + turns[:, 1, 1]) + turns[:, 2, 2] - 1) / 2
+    is_near = np.linalg.norm(others[:, :3, 3] - pose[:3, 3], axis=1) <= apart_m
+    return np.asarray(is_near & (cosines >= apart_cos))
 
 
 def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:

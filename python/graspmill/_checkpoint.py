@@ -18,14 +18,9 @@ HEADER, FORMAT_VERSION = "graspmill", 1
 BLANK = "0" * 64
 #: Id of a dataset that nobody stated, and what takes the place of a recipe.
 UNKNOWN, RECIPE = "unknown (imported weights)", "# Trained with PyTorch.\n"
-_NO_PROGRESS = {
-    "epoch": 0,
-    "batch": 0,
-    "step": 0,
-    "confusion": {name: 0 for name in ("true_positive", "false_positive", "true_negative", "false_negative")},
-    "sums_bits": [0, 0, 0, 0],
-    "best_accuracy_bits": None,
-}
+_NO_PROGRESS: dict[str, Any] = dict.fromkeys(("epoch", "batch", "step"), 0)
+_NO_PROGRESS["confusion"] = dict.fromkeys(("true_positive", "false_positive", "true_negative", "false_negative"), 0)
+_NO_PROGRESS |= {"sums_bits": [0, 0, 0, 0], "best_accuracy_bits": None}
 
 
 def save_checkpoint(
@@ -39,17 +34,8 @@ def save_checkpoint(
     for name, tensor in tensors.items():
         if off := int((~tensor.isfinite()).sum()):
             raise DataError(f"{name} must be finite, got {off} values that are not: the training diverged")
-    header = {
-        "file_sha256": BLANK,
-        "format_version": FORMAT_VERSION,
-        "architecture": architecture,
-        **own,
-        "dataset_id": dataset_id,
-        "config": config,
-        "progress": _NO_PROGRESS,
-        "adam_steps": 0,
-        "made_by": "graspmill.torch",
-    }
+    header = {"file_sha256": BLANK, "format_version": FORMAT_VERSION, "architecture": architecture, **own}
+    header |= {"dataset_id": dataset_id, "config": config, "progress": _NO_PROGRESS, "adam_steps": 0, "made_by": "graspmill.torch"}
     text = json.dumps(header, separators=(",", ":"), ensure_ascii=False)
     file = save(tensors, {HEADER: text})
     write(Path(path), file.replace(BLANK.encode(), hashlib.sha256(file).hexdigest().encode(), 1))

@@ -30,7 +30,7 @@ ANSWER_BYTES_MAX = 64 << 20
 #: The rows of a rotation, and a server's axes, have length 1 and are at right angles but for this.
 RIGID = 0.02
 #: Grasps nearer to each other than this, turned by no more than that, are alike, half a turn apart or not.
-ALIKE_M, ALIKE_RAD = 0.01, math.radians(30)
+ALIKE_M, ALIKE_COS = 0.01, math.cos(math.radians(30))
 #: Grippers that open as wide but for this may be the same.
 OPENS_ALIKE_M = 0.001
 #: What reading JSON of strangers raises.
@@ -103,7 +103,7 @@ class ServedPlanner:
                 request = json.dumps({**{name: _encoded(cloud) for name, cloud in clouds.items()}, **always})
                 rows.append(self._grasps(self._answer(request), look.gripper.opening_m_max))
         found = np.concatenate(rows)
-        new = found[[not _is_like(pose, look.failed) for pose in _arrays.matrices(found[:, :7])]]
+        new = found[[not _arrays.are_alike(pose, look.failed, ALIKE_M, ALIKE_COS).any() for pose in _arrays.matrices(found[:, :7])]]
         return new[:, :7], new[:, 7], new[:, 8]
 
     def _grasps(self, text: bytes, opening_m: float) -> NDArray[np.float64]:
@@ -212,10 +212,3 @@ def _thinned(points: NDArray[np.float32], count_max: int) -> NDArray[np.float32]
 
 def _encoded(points: NDArray[np.float32]) -> dict[str, Any]:
     return {"dtype": "float32", "shape": list(points.shape), "data_b64": base64.b64encode(points.astype("<f4").tobytes()).decode()}
-
-
-def _is_like(pose: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
-    turns = others[:, :3, :3].transpose(0, 2, 1) @ pose[:3, :3]
-    cosines = (np.abs(turns[:, 0, 0] + turns[:, 1, 1]) + turns[:, 2, 2] - 1) / 2
-    is_near = np.linalg.norm(others[:, :3, 3] - pose[:3, 3], axis=1) <= ALIKE_M
-    return bool((is_near & (cosines >= math.cos(ALIKE_RAD))).any())

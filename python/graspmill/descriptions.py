@@ -143,12 +143,8 @@ def from_description(path: str | os.PathLike[str], fingers: Sequence[str], *, fl
     sizes = dict(zip(LENGTHS, (opening, length, width, thickness, *palm)))
     # Outwards to tenths of a millimetre.
     outwards = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
-    return GripperBoxes(
-        path=gripper.path,
-        **outwards,
-        opening_m_min=max(0.0, min(value for value in openings if np.isfinite(value))),
-        flange_from_grasp=_flange(gripper, turn, origin),
-    )
+    least, flange_from_grasp = max(0.0, min(value for value in openings if np.isfinite(value))), _flange(gripper, turn, origin)
+    return GripperBoxes(path=gripper.path, **outwards, opening_m_min=least, flange_from_grasp=flange_from_grasp)
 
 
 def _boxes(everything: Floats, opening: float, length: float) -> tuple[tuple[float, float], tuple[float, float, float]]:

@@ -148,10 +148,7 @@ class ObjectGrasps:
         while len(left) and len(best) < count:
             best.append(int(left[0]))
             others = self.object_from_grasp[left]
-            turns = others[:, :3, :3].transpose(0, 2, 1) @ others[0, :3, :3]
-            cosines = (np.abs(turns[:, 0, 0] + turns[:, 1, 1]) + turns[:, 2, 2] - 1) / 2
-            is_near = np.linalg.norm(others[:, :3, 3] - others[0, :3, 3], axis=1) <= APART_M
-            left = left[1:][~(is_near & (cosines >= APART_COS))[1:]]
+            left = left[1:][~_arrays.are_alike(others[0], others[1:], APART_M, APART_COS)]
         return self.subset(best)
 
     @classmethod

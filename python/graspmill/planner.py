@@ -118,13 +118,9 @@ class Planner(Immutable):
     """
 
     def __init__(
-        self,
-        config: str | os.PathLike[str] = "judge",
-        *,
-        model: str | os.PathLike[str] | None = None,
-        gripper: GripperLike | None = None,
-        threads: int | None = None,
-    ) -> None:
+        self, config: str | os.PathLike[str] = "judge", *, model: str | os.PathLike[str] | None = None,
+        gripper: GripperLike | None = None, threads: int | None = None,
+    ) -> None:  # fmt: skip
         simulation = None if gripper is None else _simulation(gripper, None)
         weights = None if model is None else _arrays.path("model", model)
         self._native = _native.Planner(_arrays.path("config", config), weights, simulation, _arrays.threads(threads))
@@ -148,13 +144,9 @@ class Planner(Immutable):
         return f"Planner(model {self.model_id[:12]}, gripper {self.gripper})"
 
     def plan(
-        self,
-        depths: Sequence[ArrayLike] | ArrayLike,
-        cameras: Sequence[Camera] | Camera,
-        *,
-        mask: Sequence[ArrayLike | None] | ArrayLike | None = None,
-        **options: Unpack[PlanOptions],
-    ) -> Plan:
+        self, depths: Sequence[ArrayLike] | ArrayLike, cameras: Sequence[Camera] | Camera, *,
+        mask: Sequence[ArrayLike | None] | ArrayLike | None = None, **options: Unpack[PlanOptions],
+    ) -> Plan:  # fmt: skip
         """Plans from depth images, with :class:`PlanOptions`.
 
         Args:
@@ -175,14 +167,9 @@ class Planner(Immutable):
         return _planned(self._native.plan_views, images, intrinsics, poses, masks, _request(options, finds_table))
 
     def plan_cloud(
-        self,
-        points_m: ArrayLike,
-        *,
-        object_m: ArrayLike | None = None,
-        eyes_m: ArrayLike | None = None,
-        workspace_from_cloud: ArrayLike | Literal["table"] | None = None,
-        **options: Unpack[PlanOptions],
-    ) -> Plan:
+        self, points_m: ArrayLike, *, object_m: ArrayLike | None = None, eyes_m: ArrayLike | None = None,
+        workspace_from_cloud: ArrayLike | Literal["table"] | None = None, **options: Unpack[PlanOptions],
+    ) -> Plan:  # fmt: skip
         """Plans from a point cloud, with :class:`PlanOptions`.
 
         Args:

@@ -92,7 +92,6 @@ def yaml_for(text: bytes, what: str) -> tuple[Any, Any]:
 
 
 def loaded_json(path: str) -> Any:
-    """What a JSON file holds."""
     try:
         with open(path, encoding="utf-8") as file:
             return json.load(file)

@@ -35,7 +35,6 @@ TOGETHER = 256
 
 
 def check(info: dict[str, Any]) -> None:
-    """Refuses a dataset that does not fit the format."""
     _arrays.must((got := info["grid"]["resolution"]) == RESOLUTION, f"VGN's code takes grids of {RESOLUTION}^3 voxels, the dataset has {got}^3")
     _arrays.must((count := len(info.get("grippers", [info["gripper"]]))) == 1, f"VGN's format has one gripper, the dataset has {count}")
 

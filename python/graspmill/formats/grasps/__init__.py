@@ -60,7 +60,6 @@ def write(
     grasps: ObjectGrasps, path: str | os.PathLike[str], format: Format | None = None, base_to_tips_m: float | None = None,
     gripper: GripperLike | None = None, closing_axis: Axis | None = None,
 ) -> Path:  # fmt: skip
-    """Writes a file; see :meth:`ObjectGrasps.save`."""
     file = _arrays.path("path", path)
     chosen, given = _format(file, format, WRITTEN), _given(base_to_tips_m, gripper, closing_axis)
     with whole(file) as part:
