@@ -42,7 +42,7 @@ def walled(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def learned(tmp_path_factory):
+def dataset(tmp_path_factory):
     """25 scenes of 60 attempts by the paper's rules, in 3 shards."""
     return generated(tmp_path_factory, shards=3, attempts=1_500, seed=6)
 

@@ -48,7 +48,6 @@ def start(program, *args):
 
 
 def end(process):
-    """Waits for a started program."""
     out, err = process.communicate(timeout=HANG_S)
     return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
@@ -204,11 +203,7 @@ READS = {
 }
 # strace counts the calls of each thread by itself, so the n-th is that of the thread that comes to it first. Three
 # states of the folder let every thread be the first: nothing there; begun, without shards; all shards, not completed.
-STATES = {
-    "empty": ["--shard-index", 0],
-    "begun": [],
-    "written": [],
-}
+STATES = {"empty": ["--shard-index", 0], "begun": [], "written": []}
 
 
 def prepare(case, state, folder):

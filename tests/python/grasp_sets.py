@@ -12,6 +12,11 @@ FORMATS = list(ENDINGS)
 #: From straight above at (0.01, 0.02, 0.03) m, closing along y: x = y × z.
 ABOVE = np.array([[-1, 0, 0, 0.01], [0, 1, 0, 0.02], [0, 0, -1, 0.03], [0, 0, 0, 1.0]])
 BASE_M = 0.1123
+FRANKA = {"name": "franka_hand", "opening_m_max": 0.08, "finger_width_m": 0.021}
+#: A box on the table, a camera that sees it, and a grasp of it from straight above.
+BOX = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))
+BOXED, CAMERA = graspmill.Scene([BOX]), graspmill.Camera.look_at((0.15, -0.2, 0.5))
+DOWN = np.array([[1, 0, 0, 0.15], [0, -1, 0, 0.15], [0, 0, -1, 0.06], [0, 0, 0, 1]], dtype=float)
 
 
 #: The corners and triangles of a box of 40 x 50 x 60 mm whose lowest corner is the origin.
@@ -39,8 +44,7 @@ def needs(form):
 
 
 def one_above(**more):
-    gripper = {"name": "franka_hand", "opening_m_max": 0.08, "finger_width_m": 0.021}
-    values = {"held": [True], "width_m": [0.05], "base_to_tips_m": BASE_M, "info": {"gripper": gripper}, **more}
+    values = {"held": [True], "width_m": [0.05], "base_to_tips_m": BASE_M, "info": {"gripper": FRANKA}, **more}
     return ObjectGrasps("mug", ABOVE[None], file="meshes/mug.obj", scale_m=0.001, **values)
 
 
@@ -52,30 +56,15 @@ def many(count=50, seed=4):
     poses[:, :3, 2] *= np.linalg.det(poses[:, :3, :3])[:, None]
     poses[:, :3, 3] = rng.uniform(-0.1, 0.1, (count, 3))
     held = np.arange(count) % 3 > 0
-    contacts_m = np.where(held[:, None, None], rng.normal(size=(count, 2, 3)), np.nan)
+    known = {"contacts_m": np.where(held[:, None, None], rng.normal(size=(count, 2, 3)), np.nan)}
+    known |= {"width_m": np.where(held, rng.uniform(0.001, 0.08, count), np.nan), "closing_moved_m": rng.uniform(0, 0.01, count)}
+    known |= {"closing_turned_rad": rng.uniform(0, 1, count), "test_moved_m": np.where(held, rng.uniform(0, 0.01, count), np.nan)}
+    known |= {"test_turned_rad": rng.uniform(0, 1, count), "friction_min": np.where(held, rng.uniform(0.1, 1, count), np.nan)}
     inertia = [[3e-5, -1e-6, 2e-6], [-1e-6, 4e-5, 3e-6], [2e-6, 3e-6, 5e-5]]
     solid = {"mass_kg": 0.03, "friction": 0.8, "density_kg_m3": 150.0, "volume_m3": 2e-4, "inertia_kg_m2": inertia}
-    return ObjectGrasps(
-        "set",
-        poses,
-        held=held,
-        file="meshes/a mug.obj",
-        scale_m=0.25,
-        width_m=np.where(held, rng.uniform(0.001, 0.08, count), np.nan),
-        contacts_m=contacts_m,
-        closing_moved_m=rng.uniform(0, 0.01, count),
-        closing_turned_rad=rng.uniform(0, 1, count),
-        test_moved_m=np.where(held, rng.uniform(0, 0.01, count), np.nan),
-        test_turned_rad=rng.uniform(0, 1, count),
-        friction_min=np.where(held, rng.uniform(0.1, 1, count), np.nan),
-        p_held=np.arange(count) % 13 / 12,
-        base_to_tips_m=BASE_M,
-        info={
-            "object": {**solid, "centre_of_mass_m": [0.0, 0.01, 0.02]},
-            "gripper": {"name": "franka_hand", "opening_m_max": 0.08, "finger_width_m": 0.021},
-            "test": "shake",
-        },
-    )
+    info = {"object": {**solid, "centre_of_mass_m": [0.0, 0.01, 0.02]}, "gripper": FRANKA, "test": "shake"}
+    known |= {"held": held, "p_held": np.arange(count) % 13 / 12, "base_to_tips_m": BASE_M, "info": info}
+    return ObjectGrasps("set", poses, file="meshes/a mug.obj", scale_m=0.25, **known)
 
 
 def saved(grasps, tmp_path, form, **options):

@@ -144,7 +144,6 @@ class Mutant:
         return rng.choice([*[value for value in values if value], "", "x", CONTROL, "y" * 10_000])
 
     def rows(self, rng):
-        """Rows are left out, doubled or exchanged."""
         path, table = self.table(rng)
         order = list(range(table.num_rows))
         kind = rng.choice(["fewer", "none", "doubled", "exchanged", "many"])
@@ -253,7 +252,6 @@ class Mutant:
         self.mend()
 
     def replace(self, name, kind):
-        """Puts something else in a file's place."""
         path = self.folder / name
         path.unlink()
         if kind == "fifo":

@@ -22,8 +22,6 @@ JSON = {"Content-Type": "application/json"}
 
 
 class Service:
-    """A running `graspmill serve`."""
-
     def __init__(self, folder, *args):
         self.log = folder / "log.txt"
         command = [str(word) for word in (program("graspmill"), "serve", "--port", "0", *args)]
@@ -95,7 +93,6 @@ def file_of(data):
 
 
 def matrix(pose):
-    """The matrix of a pose of a request or an answer."""
     made = np.eye(4)
     made[:3, :3], made[:3, 3] = rotation_of(pose["quaternion_xyzw"]), pose["position_m"]
     return made

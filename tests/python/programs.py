@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+
 ROOT = Path(__file__).parents[2]
 #: Of the debug build, where nothing else is said.
 PROGRAMS = Path(os.environ.get("GRASPMILL_PROGRAMS", ROOT / "target/debug")).resolve()
@@ -18,7 +20,6 @@ PACKAGE = [sys.executable, "-m", "graspmill"]
 
 
 def program(name: str) -> str:
-    """Path of a built program."""
     return str(PROGRAMS / name)
 
 
@@ -40,8 +41,22 @@ def packaged(*words: object, code: int = 0, **more: object) -> subprocess.Comple
     return ran(*PACKAGE, *words, code=code, **more)
 
 
+def planned(*words: object, code: int = 0, **more: object) -> dict | str:
+    """The plan with which the command answers, or what it says of an error."""
+    done = packaged("plan", "--json", "--quiet", *words, code=code, **more)
+    return done.stderr if code else json.loads(done.stdout)
+
+
+def planned_view(folder: Path, depth_m: np.ndarray, camera: object, *words: object, code: int = 0, **view: object) -> dict | str:
+    """What the command answers of an image of a camera."""
+    np.save(folder / "depth.npy", depth_m.astype(np.float32))
+    at, lens = camera._pose(), {name: getattr(camera, name) for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
+    view = {"depth": "depth.npy", "workspace_from_camera": {"position_m": at[:3], "quaternion_xyzw": at[3:]}, **view}
+    (folder / "views.json").write_text(json.dumps({"views": [view], "intrinsics": lens}))
+    return planned("--views", folder / "views.json", *words, code=code)
+
+
 def executable(path: Path, text: str) -> Path:
-    """A script that can be started."""
     path.write_text(text)
     path.chmod(0o755)
     return path

@@ -10,7 +10,7 @@ import pytest
 
 from grasp_sets import ALIASES, graspmill, refused
 from graspmill.formats.captures import cloud, lens  # noqa: E402
-from programs import packaged  # noqa: E402
+from programs import planned  # noqa: E402
 
 POINTS = np.array([[1, 2, 3], [-1, 0.5, 0.25], [np.nan, 8, 9]])
 PCD = "# .PCD v0.7\nVERSION 0.7\nFIELDS rgb y x _ z\nSIZE 4 4 4 1 8\nTYPE U F F U F\nCOUNT 1 1 1 3 1\nWIDTH 3\nHEIGHT 1\n{}POINTS 3\nDATA {}\n"
@@ -73,17 +73,14 @@ def test_a_viewpoint_is_told_and_other_files_are_left(tmp_path):
         read(tmp_path / "junk.ply", b"junk")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        ("property float y", "property int y", "must have x, y and z, floats"),
-        ("property float y", "property list uchar float y", "list"),
-        ("element vertex 3", "element face 3", "first element must be `vertex`, got `face`"),
-        ("element vertex 3", "element vertex many", "invalid literal"),
-        ("element vertex 3", "element vertex 4999999", "cannot reshape array"),
-        ("format ascii", "format secret", "'secret' is missing or unknown"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "expected"), [
+    ("property float y", "property int y", "must have x, y and z, floats"),
+    ("property float y", "property list uchar float y", "list"),
+    ("element vertex 3", "element face 3", "first element must be `vertex`, got `face`"),
+    ("element vertex 3", "element vertex many", "invalid literal"),
+    ("element vertex 3", "element vertex 4999999", "cannot reshape array"),
+    ("format ascii", "format secret", "'secret' is missing or unknown"),
+])  # fmt: skip
 def test_a_head_that_lies_is_refused(tmp_path, old, new, expected):
     with pytest.raises(graspmill.DataError, match=expected):
         read(tmp_path / "a.ply", ply("ascii").replace(old.encode(), new.encode(), 1))
@@ -129,22 +126,19 @@ def test_what_the_native_half_reads_or_refuses_is_left(tmp_path, text):
     assert lens_of(tmp_path, text) is None
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ('{ "fx": 525, "fy": 525, "ppx": 319.5 }', r"got \[8\]: .*lens"),
-        ('{ "color": { "fx": 1 }, "focal": 2 }', "got the keys color, focal: .*lens"),
-        ('{ "fx": 525,', "not intrinsics: .*lens"),
-        ("k: [525, 0, 319.5]", r"K must have the shape \[3, 3\]"),
-        ("k: [525, 0, 319.5, 0, 525, nan, 0, 0, 1]", "finite"),
-        ("k: [525, 1, 319.5, 0, 525, 239.5, 0, 0, 1]", "K must be"),
-        (ROS_1.replace("D: [0.0", "D: [nan"), "not JSON compliant"),
-        ("k: [525, 0", "not intrinsics: .*lens"),
-        ("k: " + "[" * 5000, "not intrinsics: .*lens"),
-        (REALSENSE * 2, "one RealSense profile, got 2"),
-        (f"{ALIASES}K: *-8\n", "without aliases.*lens"),
-    ],
-)
+@pytest.mark.parametrize(("text", "expected"), [
+    ('{ "fx": 525, "fy": 525, "ppx": 319.5 }', r"got \[8\]: .*lens"),
+    ('{ "color": { "fx": 1 }, "focal": 2 }', "got the keys color, focal: .*lens"),
+    ('{ "fx": 525,', "not intrinsics: .*lens"),
+    ("k: [525, 0, 319.5]", r"K must have the shape \[3, 3\]"),
+    ("k: [525, 0, 319.5, 0, 525, nan, 0, 0, 1]", "finite"),
+    ("k: [525, 1, 319.5, 0, 525, 239.5, 0, 0, 1]", "K must be"),
+    (ROS_1.replace("D: [0.0", "D: [nan"), "not JSON compliant"),
+    ("k: [525, 0", "not intrinsics: .*lens"),
+    ("k: " + "[" * 5000, "not intrinsics: .*lens"),
+    (REALSENSE * 2, "one RealSense profile, got 2"),
+    (f"{ALIASES}K: *-8\n", "without aliases.*lens"),
+])  # fmt: skip
 def test_what_is_no_lens_is_refused(tmp_path, text, expected):
     pytest.importorskip("yaml")
     refused(expected, lambda: lens_of(tmp_path, text))
@@ -164,13 +158,9 @@ def test_the_command_takes_them_as_what_they_are_in_ours(tmp_path):
     (tmp_path / "ours.json").write_text(json.dumps({"fx_px": 540, "fy_px": 540, "cx_px": 320, "cy_px": 240}))
     (tmp_path / "theirs.json").write_text('{"fx": 540, "fy": 540, "ppx": 320, "ppy": 240, "coeffs": [0, 0.1]}')
 
-    def plan(*words, code=0):
-        return packaged("plan", "--json", "--quiet", *words, cwd=tmp_path, code=code)
-
-    theirs, ours = plan("--cloud=seen.pcd"), plan("--cloud", "seen.npy", f"--eye={eye.replace(' ', ',')}")
-    assert theirs.stdout == ours.stdout
-    theirs, ours = (json.loads(plan("--depth", "depth.npy", "--intrinsics", f"{name}.json").stdout) for name in ("theirs", "ours"))
+    assert planned("--cloud=seen.pcd", cwd=tmp_path) == planned("--cloud", "seen.npy", f"--eye={eye.replace(' ', ',')}", cwd=tmp_path)
+    theirs, ours = (planned("--depth", "depth.npy", "--intrinsics", f"{name}.json", cwd=tmp_path) for name in ("theirs", "ours"))
     assert "the lens has distortion" in theirs["warnings"].pop() and theirs == ours
     (tmp_path / "cut.pcd").write_bytes(head.encode())
-    refused = plan("--cloud", "cut.pcd", code=65).stderr
+    refused = planned("--cloud", "cut.pcd", code=65, cwd=tmp_path)
     assert "not a whole PCD file" in refused and "cut.pcd" in refused

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from programs import DATASET
-from attempts import DOWN, GRIPPER, PROCEDURE, SOLIDS, TABLE, UPRIGHT, closed
+from attempts import DOWN, GRIPPER, PROCEDURE, SOLIDS, TABLE, closed, standing
 
 from crosscheck import cli, coulomb, dataset, engines, gate
 from crosscheck.agreement import agreement, confusion, kappas
 from crosscheck.attempt import Runner
 from crosscheck.bullet import stable_rate_hz
-from crosscheck.contract import Attempt, GripperBox, Scene, SceneObject, retreat_direction, smoothstep, steps
+from crosscheck.contract import GripperBox, Scene, retreat_direction, smoothstep, steps
 from crosscheck.coulomb import lag_m
 from crosscheck.hull import hull_of
 from crosscheck.pose import Pose, quat_from_vector
@@ -88,11 +88,8 @@ def test_separations_of_rounds_are_those_of_their_facets():
 
 def scene(height_m: float, mass_kg: float = 0.1, friction: float = 1.0, tip_m: float = 0.0) -> Scene:
     """A cuboid of 40 mm x 40 mm standing in the middle, and a grasp from above, tips `tip_m` below its top."""
-    solid = Solid("cuboid", (0.04, 0.04, height_m))
-    thing = SceneObject(solid, mass_kg, friction, Pose(np.array([0.15, 0.15, 0.05 + height_m / 2]), UPRIGHT))
     grasp = Pose(np.array([0.15, 0.15, 0.05 + height_m - tip_m]), DOWN)
-    attempt = Attempt(0, 0, "cuboid", "cuboid_z", grasp, "held", None, 0.04)
-    return Scene(0, [thing], [attempt])
+    return standing(Solid("cuboid", (0.04, 0.04, height_m)), grasp, mass_kg, friction, (0.15, 0.15, 0.05 + height_m / 2))
 
 
 def judged(tip_m: float, height_m: float = 0.06, shift: tuple = (0, 0, 0), turn: tuple = (0, 0, 0)) -> gate.GateResult:

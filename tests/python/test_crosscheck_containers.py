@@ -12,12 +12,12 @@ import pyarrow as pa
 import pyarrow.dataset as pads
 import pyarrow.parquet as pq
 import pytest
-from attempts import DOWN, GRIPPER, PROCEDURE, TABLE, UPRIGHT, closed
+from attempts import DOWN, GRIPPER, PROCEDURE, TABLE, closed, standing
 
 from crosscheck import cli, dataset, engines, gate
 from crosscheck.attempt import Runner
 from crosscheck.container import Container
-from crosscheck.contract import Attempt, Scene, SceneObject, retreat_direction
+from crosscheck.contract import Scene, SceneObject, retreat_direction
 from crosscheck.hull import hull_of
 from crosscheck.pose import Pose, quat_from_vector
 from crosscheck.solid import Solid
@@ -99,11 +99,8 @@ def test_the_rows_of_scenes_say_what_stands_there(tmp_path):
 
 def scene(fixtures: tuple, height_m: float = 0.06, beside_m: float | None = None) -> Scene:
     """A cuboid of 40 mm x 40 mm in the middle, among `fixtures`, and perhaps another beside it."""
-    solid = Solid("cuboid", (0.04, 0.04, height_m))
-    places = [0.15] if beside_m is None else [0.15, 0.15 + beside_m]
-    objects = [SceneObject(solid, 0.1, 1.0, Pose(np.array([0.15, y, 0.05 + height_m / 2]), UPRIGHT)) for y in places]
-    grasp = Pose(np.array([0.15, 0.15, 0.08]), DOWN)
-    return Scene(0, objects, [Attempt(0, 0, "cuboid", "", grasp, "held", None, float("nan"))], fixtures)
+    solid, grasp = Solid("cuboid", (0.04, 0.04, height_m)), Pose(np.array([0.15, 0.15, 0.08]), DOWN)
+    return standing(solid, grasp, at_m=(0.15, 0.15, 0.05 + height_m / 2), fixtures=fixtures, beside_m=beside_m)
 
 
 def block(low: tuple, high: tuple) -> tuple:

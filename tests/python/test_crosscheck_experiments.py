@@ -9,12 +9,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from attempts import DOWN, GRIPPER, PROCEDURE, SOLIDS, TABLE, UPRIGHT
+from attempts import DOWN, GRIPPER, PROCEDURE, SOLIDS, TABLE, UPRIGHT, standing
 
 from crosscheck import cli, gate
 from crosscheck.attempt import Runner
 from crosscheck.compound import Compound, box_of
-from crosscheck.contract import Attempt, Scene, SceneObject
+from crosscheck.contract import Scene, SceneObject
 from crosscheck.hull import hull_of
 from crosscheck.pose import Pose, angle_between_rad, quat_from_vector
 from crosscheck.solid import Solid
@@ -110,19 +110,13 @@ def test_only_cuboids_are_taken_for_boxes():
     assert [box_of(hull_of(points)) for points in (leaning, tapered, SOLIDS[2].vertices_m)] == [None] * 3
 
 
-def scene(body: Compound | Solid, grasp: Pose, mass_kg: float = 0.1, position_m: tuple = (0.15, 0.15, 0.085)) -> Scene:
-    """A body standing in the middle of the table (a stand by default), and a grasp of it."""
-    thing = SceneObject(body, mass_kg, 1.0, Pose(np.array(position_m), UPRIGHT))
-    return Scene(0, [thing], [Attempt(0, 0, body.kind, "", grasp, "held", None, float("nan"))])
-
-
 def test_a_finger_may_enter_what_is_between_the_parts():
     grasp = Pose(np.array([0.15, 0.15, 0.075]), DOWN)
     filled = Compound("filled", (hull_of(np.concatenate([FOOT, STEM])),))
     ends = {}
     for name, body, shift in (("open", STAND, 0), ("filled", filled, 0), ("stem", STAND, 0.0191), ("foot", STAND, -0.0141)):
         moved = grasp.moved(np.array([0, shift if name == "stem" else 0, shift if name == "foot" else 0]))
-        [verdict] = gate.judge(scene(body, moved), [moved], GRIPPER, PROCEDURE, TABLE.table_z_m)
+        [verdict] = gate.judge(standing(body, moved), [moved], GRIPPER, PROCEDURE, TABLE.table_z_m)
         ends[name] = (verdict.outcome, verdict.hit)
     hit = ("approach_collision", "target")
     # The jaws are 80 mm apart around 40 mm, and 15 mm above the foot; the clearance is 1 mm.
@@ -158,7 +152,7 @@ def test_round_parts_have_no_margin_about_them(engine):
     waist = np.where(cylinder.vertices_m[:, 2:] > 0, [1, 1, 0.3], [1, 1, 1]) * cylinder.vertices_m
     upper = np.where(cylinder.vertices_m[:, 2:] < 0, [1, 1, -0.3], [1, 1, 1]) * cylinder.vertices_m
     body, grasp = Compound("can", (hull_of(waist), hull_of(upper))), Pose(np.array([0.15, 0.15, 0.09]), DOWN)
-    one = scene(body, grasp, position_m=(0.15, 0.15, 0.08))
+    one = standing(body, grasp, at_m=(0.15, 0.15, 0.08))
     begun(engine, *one.objects)
     for _ in range(120):
         engine.step()
@@ -200,7 +194,7 @@ def test_two_fingers_of_20_n_hold_a_compound_as_coulomb_says(engine, mass_kg, ou
     """Two fingers hold 2 · 20 N; the lift adds 6 · 0.1 m / (0.5 s)² to gravity."""
     assert (2 * 20.0 > mass_kg * (9.81 + 2.4)) == (outcome == "held")
     grasp = Pose(np.array([0.15, 0.15, 0.075]), DOWN)
-    one = scene(STAND, grasp, mass_kg)
+    one = standing(STAND, grasp, mass_kg)
     ended = Runner(engine, one, GRIPPER, PROCEDURE, TABLE).from_closing(one.attempts[0], grasp)
     assert ended.outcome == outcome and ended.width_m == pytest.approx(0.04, abs=3e-4)
 
@@ -286,12 +280,10 @@ def changed(name: str, **values: object):
 
 
 def emptied(name: str):
-    """Damage: a table without rows."""
     return lambda folder: pq.write_table(pq.read_table(folder / name).slice(0, 0), folder / name)
 
 
 def written(name: str, text: str):
-    """Damage: a file with other contents."""
     return lambda folder: (folder / name).write_text(text)
 
 
@@ -300,31 +292,28 @@ def gone(name: str):
     return lambda folder: (folder / name).unlink()
 
 
-@pytest.mark.parametrize(
-    "damage, words",
-    [
-        *((gone(name), f"{name} missing") for name in ("run.json", "attempts.parquet", "objects.parquet")),
-        (emptied("attempts.parquet"), "holds no grasps"),
-        (emptied("objects.parquet"), "no objects of round 0, trial 0"),
-        (written("attempts.parquet", "PAR1"), "attempts.parquet"),
-        (written("run.json", "{"), "run.json"),
-        (written("run.json", "{}"), "physics"),
-        (written("bodies.json", "[]"), "an object is needed"),
-        (written("bodies.json", '{"stand": {"parts": []}}'), "no parts"),
-        (written("bodies.json", '{"stand": {"parts": [{"vertices_m": [[0, 0, 0]]}]}}'), "a hull needs"),
-        (written("bodies.json", "{}"), "unknown shape 'stand'"),
-        (changed("attempts.parquet", target_id=...), "no column target_id"),
-        (changed("attempts.parquet", target_id=7), "aims at object 7"),
-        (changed("attempts.parquet", outcome="won"), "unknown outcome 'won'"),
-        (changed("attempts.parquet", qx=0.5), "no pose"),
-        (changed("attempts.parquet", round=0, trial=0), "repeat a round and trial"),
-        (changed("attempts.parquet", round=None), "without round or trial"),
-        (changed("objects.parquet", object_id=2), "object numbers repeat"),
-        (changed("objects.parquet", mass_kg=0.0), "mass 0.0 kg"),
-        (changed("objects.parquet", body="stand"), "measures"),
-        (changed("objects.parquet", size_x_m=None), "round 0, trial 0"),
-    ],
-)
+@pytest.mark.parametrize("damage, words", [
+    *((gone(name), f"{name} missing") for name in ("run.json", "attempts.parquet", "objects.parquet")),
+    (emptied("attempts.parquet"), "holds no grasps"),
+    (emptied("objects.parquet"), "no objects of round 0, trial 0"),
+    (written("attempts.parquet", "PAR1"), "attempts.parquet"),
+    (written("run.json", "{"), "run.json"),
+    (written("run.json", "{}"), "physics"),
+    (written("bodies.json", "[]"), "an object is needed"),
+    (written("bodies.json", '{"stand": {"parts": []}}'), "no parts"),
+    (written("bodies.json", '{"stand": {"parts": [{"vertices_m": [[0, 0, 0]]}]}}'), "a hull needs"),
+    (written("bodies.json", "{}"), "unknown shape 'stand'"),
+    (changed("attempts.parquet", target_id=...), "no column target_id"),
+    (changed("attempts.parquet", target_id=7), "aims at object 7"),
+    (changed("attempts.parquet", outcome="won"), "unknown outcome 'won'"),
+    (changed("attempts.parquet", qx=0.5), "no pose"),
+    (changed("attempts.parquet", round=0, trial=0), "repeat a round and trial"),
+    (changed("attempts.parquet", round=None), "without round or trial"),
+    (changed("objects.parquet", object_id=2), "object numbers repeat"),
+    (changed("objects.parquet", mass_kg=0.0), "mass 0.0 kg"),
+    (changed("objects.parquet", body="stand"), "measures"),
+    (changed("objects.parquet", size_x_m=None), "round 0, trial 0"),
+])  # fmt: skip
 def test_damage_is_told(tmp_path, capsys, damage, words):
     folder = experiment(tmp_path / "run")
     damage(folder)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attempts import GRIPPER, PROCEDURE
+from attempts import GRIPPER, PROCEDURE, UPRIGHT
 from programs import ROOT, run
 
 from crosscheck import engines, objects, objects_cli
@@ -14,7 +14,6 @@ from crosscheck.contract import Attempt, Scene, SceneObject
 from crosscheck.floating import G_M_S2, FloatingRunner, loads
 from crosscheck.pose import Pose, conjugate, product, quat_from_vector, vector_from_quat
 
-UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 # One convex object, one of three parts.
 OBJECTS = ("milk_carton", "coffee_can")
 GRASPS = 30

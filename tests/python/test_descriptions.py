@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from grasp_sets import graspmill, refused
+from grasp_sets import box_obj, graspmill, refused
 
 pytest.importorskip("mujoco")
 
@@ -54,11 +54,6 @@ def stl(size):
     return bytes(80) + struct.pack("<I", len(faces)) + rows
 
 
-def obj(size):
-    corners, faces = box_triangles(size)
-    return "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces)
-
-
 def collada(size):
     """In millimetres, with y up, as many are."""
     corners, faces = box_triangles(1e3 * np.asarray(size)[[0, 2, 1]])
@@ -94,7 +89,7 @@ def test_a_urdf_opens_by_its_master_joint_and_its_boxes_are_its_shapes(tmp_path)
     assert graspmill.execute(graspmill.Scene([box]), down[None], gripper=gripper).held.all()
 
 
-@pytest.mark.parametrize(("ending", "of"), [("stl", stl), ("obj", obj), ("dae", collada)])
+@pytest.mark.parametrize(("ending", "of"), [("stl", stl), ("obj", lambda size: box_obj(size, -size / 2)), ("dae", collada)])
 def test_meshes_are_followed_also_those_of_packages(tmp_path, ending, of):
     (tmp_path / "my_gripper" / "meshes").mkdir(parents=True)
     (tmp_path / "my_gripper" / "urdf").mkdir()
@@ -116,19 +111,13 @@ MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="mount" pos="0
   <body name="right" pos="0 -0.009 0.05"><joint name="r" type="slide" axis="0 -1 0" range="0 0.03" damping="1"/><geom type="box" size=".005 .004 .02" pos="0 0 .02" mass=".1"/>
   <geom type="sphere" size=".1" contype="0" conaffinity="0"/></body>
   <body name="bar" pos="0 0.009 0.05"><joint name="b" type="slide" axis="0 1 0" damping="1"/><geom type="box" size=".002 .002 .002" mass=".01" contype="0" conaffinity="0"/></body></body>
-  </worldbody><equality>{equality}</equality><actuator><position joint="l" kp="100" ctrlrange="0 0.03"/>{actuator}</actuator></mujoco>"""
+  </worldbody><equality><joint joint1="r" joint2="l"/>{tie}</equality><actuator><position joint="l" kp="100" ctrlrange="0 0.03"/></actuator></mujoco>"""
 
 
-@pytest.mark.parametrize(
-    ("equality", "actuator"),
-    [
-        ('<joint joint1="r" joint2="l"/><joint joint1="b" joint2="l"/>', ""),
-        ('<connect body1="bar" body2="left" anchor="0 0 0"/><joint joint1="r" joint2="l"/>', ""),
-    ],
-)
-def test_a_model_of_mujoco_opens_by_its_joints_or_its_motors(tmp_path, equality, actuator):
+@pytest.mark.parametrize("tie", ['<joint joint1="b" joint2="l"/>', '<connect body1="bar" body2="left" anchor="0 0 0"/>'])
+def test_a_model_of_mujoco_opens_by_its_joints_or_its_motors(tmp_path, tie):
     path = tmp_path / "gripper.xml"
-    path.write_text(MJCF.format(equality=equality, actuator=actuator))
+    path.write_text(MJCF.format(tie=tie))
     boxes = from_description(path, FINGERS)
     assert abs(boxes.opening_m_max - 2 * (0.009 + 0.03 - 0.004)) < 0.0012 and abs(boxes.opening_m_min - 0.01) < 0.0012
     assert np.allclose(sizes(boxes), EXPECTED, atol=1.2e-3)
@@ -140,22 +129,19 @@ THIRD = f"""<link name="thumb">{shape(JAW, (0.03, 0, 0.02))}</link><joint name="
   <child link="thumb"/><origin xyz="0 0 0.06"/><axis xyz="1 0 0"/><limit lower="0" upper="0.01" effort="1" velocity="1"/></joint>"""
 
 
-@pytest.mark.parametrize(
-    ("made", "fingers", "why"),
-    [
-        ({}, ("left", "thumb"), "no link is called 'thumb'; there are base, left, right"),
-        ({}, ("left",), "fingers must be two links, got 1"),
-        ({}, ("left", "right", "base"), "fingers must be two links, got 3"),
-        ({}, ("left", "base"), "of which one carries the other"),
-        ({"more": THIRD}, FINGERS, "a gripper must have two fingers, and thumb moves beside their tips"),
-        ({"kind": "fixed", "mimic": ""}, FINGERS, "no joint moves right"),
-        ({"mimic": '<mimic joint="nothing"/>'}, FINGERS, "joint follow mimics nothing"),
-        ({"jaw": mesh("jaw.stl", (0, 0, 0))}, FINGERS, "the mesh of link left cannot be read"),
-        ({"jaw": mesh("jaw.ply", (0, 0, 0))}, FINGERS, "must be STL, OBJ, MSH or DAE"),
-        ({"jaw": ""}, FINGERS, "left must have a shape"),
-        ({"jaw": "<what"}, FINGERS, "must be a URDF, got"),
-    ],
-)
+@pytest.mark.parametrize(("made", "fingers", "why"), [
+    ({}, ("left", "thumb"), "no link is called 'thumb'; there are base, left, right"),
+    ({}, ("left",), "fingers must be two links, got 1"),
+    ({}, ("left", "right", "base"), "fingers must be two links, got 3"),
+    ({}, ("left", "base"), "of which one carries the other"),
+    ({"more": THIRD}, FINGERS, "a gripper must have two fingers, and thumb moves beside their tips"),
+    ({"kind": "fixed", "mimic": ""}, FINGERS, "no joint moves right"),
+    ({"mimic": '<mimic joint="nothing"/>'}, FINGERS, "joint follow mimics nothing"),
+    ({"jaw": mesh("jaw.stl", (0, 0, 0))}, FINGERS, "the mesh of link left cannot be read"),
+    ({"jaw": mesh("jaw.ply", (0, 0, 0))}, FINGERS, "must be STL, OBJ, MSH or DAE"),
+    ({"jaw": ""}, FINGERS, "left must have a shape"),
+    ({"jaw": "<what"}, FINGERS, "must be a URDF, got"),
+])  # fmt: skip
 def test_what_is_no_gripper_is_named(tmp_path, made, fingers, why, capsys):
     path = urdf(tmp_path, **made)
     refused(why, lambda: from_description(path, fingers))

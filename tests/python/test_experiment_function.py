@@ -158,11 +158,6 @@ def test_what_is_outside_ends_the_run(tmp_path):
     assert all(np.isclose(attempt["width_m"], 0.02) for attempt in rounds_of(tmp_path / "run")[0]["trials"])
 
 
-def test_no_grasps_are_an_answer(tmp_path):
-    run(tmp_path / "run", lambda _: ([], []))
-    assert rounds_of(tmp_path / "run")[0]["ending"] == "no_grasp"
-
-
 def test_ctrl_c_in_the_function_keeps_the_rounds_and_the_run_goes_on(tmp_path):
     asked = []
 

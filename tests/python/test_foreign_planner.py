@@ -152,29 +152,18 @@ def test_a_planner_that_says_a_byte_now_and_then_is_too_late(tmp_path):
         assert "no answer in time" in run(tmp_path / "run", "--planner", url, "--planner-timeout-s", "1", code=75).stderr
 
 
-def test_a_run_whose_planner_is_gone_ends_and_goes_on_when_it_is_back(tmp_path):
-    with planner(lambda _: grasps() if len(asked) <= 2 else GONE, {"fingertip_depth": 0.1}) as (url, asked):
-        said = run(tmp_path / "run", "--planner", url, rounds=3, code=75).stderr
-    assert said.splitlines()[-1].startswith(f"error: --planner {url}: the server cannot be reached: "), said
-    assert [round["ending"] for round in rounds_of(tmp_path / "run")] == ["no_grasp"]
-    with planner(lambda _: grasps(), {"fingertip_depth": 0.1}) as (url, asked):
-        run(tmp_path / "run", "--planner", url, rounds=3)
-    assert len(asked) == 4 and [round["ending"] for round in rounds_of(tmp_path / "run")] == ["no_grasp"] * 3
-
-
-@pytest.mark.parametrize("now", [(502, b"no upstream"), (404, b"no tunnel")])
-def test_a_planner_that_is_gone_behind_a_proxy_ends_the_run_and_its_rounds_are_played_again(tmp_path, now):
-    # The proxy takes connections as before.
+@pytest.mark.parametrize("now", [GONE, (502, b"no upstream"), (404, b"no tunnel")])
+def test_a_run_whose_planner_is_gone_ends_and_its_rounds_are_played_when_it_is_back(tmp_path, now):
     def answer(_):
         return grasps() if len(asked) <= 2 else now
 
-    def config():
+    def config():  # a proxy takes connections as before
         return (200, b'{"fingertip_depth": 0.1}') if len(asked) <= 2 else now
 
     with planner(answer, config) as (url, asked):
         said = run(tmp_path / "run", "--planner", url, rounds=3, code=75).stderr
-    wanted = f"error: --planner {url}: the server does not say what it is: status {now[0]}"
-    assert said.splitlines()[-1].startswith(wanted), said
+    why = "server cannot be reached: " if now is GONE else f"server does not say what it is: status {now[0]}"
+    assert said.splitlines()[-1].startswith(f"error: --planner {url}: the {why}"), said
     assert [round["ending"] for round in rounds_of(tmp_path / "run")] == ["no_grasp"]
     with planner(lambda _: grasps(), {"fingertip_depth": 0.1}) as (url, asked):
         run(tmp_path / "run", "--planner", url, rounds=3)
@@ -187,25 +176,22 @@ def test_the_static_program_says_who_asks(tmp_path):
 
 
 def test_what_is_not_known_of_a_planner_is_asked_for(tmp_path):
-    with planner(lambda _: grasps()) as (url, _):
-        said = run(tmp_path / "a", "--planner", url, code=78).stderr
-        assert "does not say where the finger tips are (fingertip_depth): give --tip-depth" in said
-        run(tmp_path / "b", "--planner", url, "--tip-depth", "0.1")
-    with planner(lambda _: grasps(), {"fingertip_depth": 0.1, "approach_axis_local": [1, 1, 0]}) as (url, _):
-        assert "unit axes at right angles" in run(tmp_path / "c", "--planner", url, code=78).stderr
-    with planner(lambda _: grasps(), b"<html>") as (url, _):
-        assert "/config must be JSON" in run(tmp_path / "d", "--planner", url, code=78).stderr
-    with planner(lambda _: grasps(), {"fingertip_depth": 1e30, "min_points": 0}) as (url, _):
-        said = run(tmp_path / "i", "--planner", url, code=78).stderr
-        assert "fingertip_depth must be between -1 and 1, got 1e+30" in said
-        run(tmp_path / "j", "--planner", url, "--tip-depth", "0.1")
-    with planner(lambda _: grasps(), {"fingertip_depth": 0.1, "min_points": 1e30}) as (url, _):
-        assert "min_points must be between 0 and 32768, got 1e+30" in run(tmp_path / "k", "--planner", url, code=78).stderr
-    assert "must be an address" in run(tmp_path / "e", "--planner", "ftp://here", code=78).stderr
-    assert "must be an address" in run(tmp_path / "f", "--planner", "here", code=78).stderr
+    for number, (config, why) in enumerate((
+        (None, "does not say where the finger tips are (fingertip_depth): give --tip-depth"),
+        ({"fingertip_depth": 1e30, "min_points": 0}, "fingertip_depth must be between -1 and 1, got 1e+30"),
+        ({"fingertip_depth": 0.1, "approach_axis_local": [1, 1, 0]}, "unit axes at right angles"),
+        ({"fingertip_depth": 0.1, "min_points": 1e30}, "min_points must be between 0 and 32768, got 1e+30"),
+        (b"<html>", "/config must be JSON"),
+    )):  # fmt: skip
+        with planner(lambda _: grasps(), config) as (url, _):
+            assert why in run(tmp_path / f"refused-{number}", "--planner", url, code=78).stderr
+            if number < 2:
+                run(tmp_path / f"known-{number}", "--planner", url, "--tip-depth", "0.1")
+    for other in ("ftp://here", "here"):
+        assert "must be an address" in run(tmp_path / "a", "--planner", other, code=78).stderr
     # The server is gone: nothing was begun.
-    assert "the server cannot be reached" in run(tmp_path / "g", "--planner", url, code=75).stderr
-    assert "required" in run(tmp_path / "h", "--tip-depth", "0.1", code=2).stderr
+    assert "the server cannot be reached" in run(tmp_path / "b", "--planner", url, code=75).stderr
+    assert "required" in run(tmp_path / "c", "--tip-depth", "0.1", code=2).stderr
 
 
 def test_what_another_planner_does_not_heed_is_refused_or_said(tmp_path):

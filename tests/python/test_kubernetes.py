@@ -21,10 +21,7 @@ from kubernetes_validate.utils import all_versions
 CLUSTER = ROOT / "scripts/cluster"
 END_S = 120
 VERSIONS = sorted({tuple(map(int, version.split("."))) for version in all_versions()})[-5:]
-CODES = {
-    name: int(code)
-    for name, code in re.findall(r"^    (\w+) = (\d+),$", (ROOT / "program/src/exit.rs").read_text(), re.MULTILINE)
-}
+CODES = {name: int(code) for name, code in re.findall(r"^    (\w+) = (\d+),$", (ROOT / "program/src/exit.rs").read_text(), re.MULTILINE)}
 NEVER_AGAIN = {CODES["Usage"], CODES["Data"], CODES["Config"]}
 JOBS = {name: yaml.safe_load((CLUSTER / name).read_text()) for name in ("kubernetes.yaml", "kubernetes-finalize.yaml")}
 
@@ -57,7 +54,6 @@ def flags_of(*words):
 
 
 def wrong(rules):
-    """The names of the rules that do not hold."""
     return [rule for rule, holds in rules.items() if not holds]
 
 

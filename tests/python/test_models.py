@@ -55,10 +55,7 @@ def test_a_name_means_the_datasets_model_before_a_primitive(tmp_path):
 
 
 def test_rows_that_do_not_fit_the_models_are_refused(tmp_path):
-    for name, row, expected in [
-        ("size", {"size_x_m": 0.07}, "its parts"),
-        ("name", {"shape": "mug"}, "unknown shape 'mug'"),
-    ]:
+    for name, row, expected in [("size", {"size_x_m": 0.07}, "its parts"), ("name", {"shape": "mug"}, "unknown shape 'mug'")]:
         with pytest.raises(dataset.DamagedDataset, match=expected):
             dataset.read(written(tmp_path / name, **row), None)
     with pytest.raises(dataset.DamagedDataset, match="this program reads 1 to 5"):
@@ -73,10 +70,7 @@ def test_an_engine_has_the_model_where_it_is_and_holds_it(name):
     body = compound_of("tee", [BAR, STEM])
     place = Pose(np.array([0.15, 0.15, 0.08]), UPRIGHT)
     ends = {}
-    for case, quat, tip in [
-        ("along y", DOWN, 0.02),
-        ("along x", np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]), 0.02),
-    ]:
+    for case, quat, tip in [("along y", DOWN, 0.02), ("along x", np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]), 0.02)]:
         grasp = Pose(np.array([0.15, 0.15, 0.05 + 0.06 - tip]), quat)
         attempt = Attempt(0, 0, "tee", "model_normal", grasp, "held", None, 0.0)
         scene = Scene(0, [SceneObject(body, 0.1, 1.0, place)], [attempt])

@@ -99,9 +99,7 @@ def check(number, folder):
         out.mkdir()
         code, memory, printed = ended(words_of(line, data=here / "data", out=out, quick=QUICK), here / "log")
         codes[code] += 1
-        problems += [
-            f"mutant {number} ({what!a}): {line} {fault}: {printed[-300:]!r}" for fault in faults(code, memory, printed)
-        ]
+        problems += [f"mutant {number} ({what!a}): {line} {fault}: {printed[-300:]!r}" for fault in faults(code, memory, printed)]
         shutil.rmtree(out)
     shutil.rmtree(here)
     return problems, codes

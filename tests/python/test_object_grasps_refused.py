@@ -105,22 +105,20 @@ def test_damaged_arrays_are_refused(tmp_path):
 def test_damaged_acronym_files_are_refused(tmp_path):
     h5py = pytest.importorskip("h5py")
     flex = "grasps/qualities/flex/"
-    for number, (match, key, value) in enumerate(
-        [
-            ("grasps/transforms must be in the file", "grasps/transforms", None),
-            ("object/file must be in the file", "object/file", None),
-            ("object/scale must be in the file", "object/scale", None),
-            (r"shape \[N, 4, 4\]", "grasps/transforms", np.eye(4)),
-            ("must be finite", "grasps/transforms", np.full((3, 4, 4), np.nan)),
-            (r"shape \[3\]", flex + "object_in_gripper", [1]),
-            ("true or false", flex + "object_in_gripper", [1, 2, 3]),
-            (r"shape \[3\]", flex + "object_motion_during_closing_linear", [0.1]),
-            ("object/scale must be numbers", "object/scale", "big"),
-            ("object/file must be a text", "object/file", 3),
-            ("object/com must be finite", "object/com", [np.inf, 0, 0]),
-            ("scale_m must be between", "object/scale", 0.0),
-        ]
-    ):
+    for number, (match, key, value) in enumerate([
+        ("grasps/transforms must be in the file", "grasps/transforms", None),
+        ("object/file must be in the file", "object/file", None),
+        ("object/scale must be in the file", "object/scale", None),
+        (r"shape \[N, 4, 4\]", "grasps/transforms", np.eye(4)),
+        ("must be finite", "grasps/transforms", np.full((3, 4, 4), np.nan)),
+        (r"shape \[3\]", flex + "object_in_gripper", [1]),
+        ("true or false", flex + "object_in_gripper", [1, 2, 3]),
+        (r"shape \[3\]", flex + "object_motion_during_closing_linear", [0.1]),
+        ("object/scale must be numbers", "object/scale", "big"),
+        ("object/file must be a text", "object/file", 3),
+        ("object/com must be finite", "object/com", [np.inf, 0, 0]),
+        ("scale_m must be between", "object/scale", 0.0),
+    ]):  # fmt: skip
         path = many(3).save(tmp_path / f"{number}.h5")
         with h5py.File(path, "a") as file:
             del file[key]

@@ -15,16 +15,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp_sets import BOX_MESH, graspmill, refused
-from programs import DATASET, packaged  # noqa: E402
+from grasp_sets import BOX_MESH, BOXED, CAMERA, DOWN, graspmill, refused
+from programs import DATASET, packaged, planned_view  # noqa: E402
 
 CENTRE = (0.15, 0.15, 0.075, 0, 0, 0, 1)
-DOWN = np.array([[1, 0, 0, 0.15], [0, -1, 0, 0.15], [0, 0, -1, 0.06], [0, 0, 0, 1]], dtype=float)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), CENTRE)])
+    return BOXED
 
 
 @pytest.fixture(scope="module")
@@ -133,22 +132,12 @@ def test_cameras_of_opengl_look_the_other_way():
     assert np.allclose(same.workspace_from_camera, ours.workspace_from_camera)
 
 
-def commanded(folder, depth, camera, *words, **view):
-    """The command's answer for the same view."""
-    np.save(folder / "depth.npy", depth)
-    view |= {"depth": "depth.npy", "workspace_from_camera": camera.workspace_from_camera.tolist()}
-    lens = {"fx_px": 540, "fy_px": 540, "cx_px": 320, "cy_px": 240}
-    (folder / "views.json").write_text(json.dumps({"views": [view], "intrinsics": lens}))
-    return json.loads(packaged("plan", "--views", folder / "views.json", "--json", "--quiet", *words).stdout)
-
-
 def test_a_plan_is_the_programs_plan_and_its_grasps_hold(planner, scene, tmp_path):
-    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
-    depth = scene.render(camera)
+    camera, depth = CAMERA, scene.render(CAMERA)
     plan = planner.plan(depth, camera, explain=True)
     assert len(plan) > 5 and plan[0].quality > 0.9 and plan.reason is None
     assert graspmill.execute(scene, plan.workspace_from_grasp).held.mean() > 0.8
-    assert commanded(tmp_path, depth, camera, "--explain") == json.loads(plan.to_json())
+    assert planned_view(tmp_path, depth, camera, "--explain") == json.loads(plan.to_json())
     avoided = planner.plan(depth, camera, avoid=plan.workspace_from_grasp[:1])
     assert np.linalg.norm(avoided[0].workspace_from_grasp[:3, 3] - plan[0].workspace_from_grasp[:3, 3]) > 1e-6
     assert "<canvas" in plan.page().html and plan.cloud().shape[1] == 3
@@ -235,26 +224,16 @@ def in_a_child(work):
     return told
 
 
-def test_forked_processes_have_threads_of_their_own(dataset):
-    stored = dataset[3]
-
-    def held():
-        return int(graspmill.execute(stored.scene, stored.workspace_from_grasp).held.sum())
-
-    assert held() == stored.outcomes.held.sum()  # the parent's threads run
-    rows = len(dataset.attempts().to_arrow())
-    assert in_a_child(lambda: (held(), len(graspmill.Dataset(DATASET).attempts().to_arrow()))) == (held(), rows)
-
-
 def test_what_shares_work_does_so_in_a_forked_process_too(dataset, scene):
-    camera = graspmill.Camera.look_at((0.15, 0.15, 0.6))
+    camera, stored = graspmill.Camera.look_at((0.15, 0.15, 0.6)), dataset[3]
 
     def done():
         depth = scene.render(camera)
         plans = [graspmill.Planner(config).plan(depth, camera).to_json() for config in ("judge", "paper", "vgn")]
-        stored = dataset[3]
         crops = graspmill.grasp_crops(stored.tsdf, stored.workspace_from_grasp)
-        return plans, len(stored.replay(0).html), graspmill.tsdf([depth], [camera]).sum(), crops.crop.sum()
+        held = graspmill.execute(stored.scene, stored.workspace_from_grasp).held.sum()
+        rows = len(graspmill.Dataset(DATASET).attempts().to_arrow())
+        return plans, len(stored.replay(0).html), graspmill.tsdf([depth], [camera]).sum(), crops.crop.sum(), held, rows
 
     # First in the parent, whose threads the child does not have.
     assert done() == in_a_child(done)
@@ -332,8 +311,7 @@ def test_importing_it_is_quick_and_needs_numpy_alone():
 def two_boxes():
     left, right = ((x, 0.15, 0.075, 0, 0, 0, 1) for x in (0.09, 0.21))
     scene = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.05, 0.05), pose) for pose in (left, right)])
-    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
-    return scene, camera, scene.render(camera)
+    return scene, CAMERA, scene.render(CAMERA)
 
 
 def test_a_target_is_the_object_at_a_point_or_what_a_mask_shows(planner):
@@ -374,8 +352,7 @@ def test_limits_of_the_grippers_way_are_kept(config):
 
 
 def test_a_function_says_which_grasps_will_do(planner, scene):
-    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
-    image, asked = scene.render(camera), []
+    camera, image, asked = CAMERA, scene.render(CAMERA), []
 
     def accept(workspace_from_grasp):
         asked.append(workspace_from_grasp)
@@ -423,7 +400,7 @@ def test_limits_are_the_programs(planner, tmp_path):
     words = ["--approach", "0,0,-1,0.4", "--keep-out", "0,1,0,0.03", "--reach", "0,0,0,0.3,0.3,0.3"]
     limits = {"approach": ((0, 0, -1), 0.4), "keep_out": [(0, 1, 0, 0.03)], "reach": np.array([[0, 0, 0], [0.3] * 3])}
     ours = planner.plan(depth, camera, mask=mask, **limits)
-    assert commanded(tmp_path, depth, camera, *words, mask="mask.npy") == json.loads(ours.to_json()) and len(ours)
+    assert planned_view(tmp_path, depth, camera, *words, mask="mask.npy") == json.loads(ours.to_json()) and len(ours)
 
 
 def test_wrong_limits_are_refused(planner):
@@ -456,8 +433,7 @@ def test_a_stored_scene_keeps_its_gripper_and_laws_when_a_setting_is_given(tmp_p
 
 def test_empty_lists_are_none_of_a_thing(scene, planner):
     assert len(graspmill.execute(scene, [])) == 0 and len(graspmill.execute(scene, [], targets=[])) == 0
-    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
-    depth = scene.render(camera)
+    camera, depth = CAMERA, scene.render(CAMERA)
     assert planner.plan(depth, camera, avoid=[], keep_out=[]).to_json() == planner.plan(depth, camera).to_json()
     assert planner.plan_cloud([]).reason
 

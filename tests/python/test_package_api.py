@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp_sets import BOX_MESH, graspmill, refused
+from grasp_sets import BOX_MESH, BOXED, CAMERA, graspmill, refused
 from programs import ran
 
 EVERY_OPTION = """
@@ -123,7 +123,7 @@ def test_a_gripper_of_numbers_does_what_the_built_in_one_does(tmp_path):
     box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075), mass_kg=0.05)
     scene = graspmill.Scene([box])
     loaded = graspmill.Gripper.load("wsg_50")
-    plans = [graspmill.Planner(gripper=gripper).plan_tsdf(scene.tsdf([graspmill.Camera.look_at((0.15, -0.2, 0.5))])) for gripper in ("wsg_50", loaded)]
+    plans = [graspmill.Planner(gripper=gripper).plan_tsdf(scene.tsdf([CAMERA])) for gripper in ("wsg_50", loaded)]
     assert len(plans[0]) and plans[0].answer["grasps"] == plans[1].answer["grasps"]
     outcomes = [graspmill.execute(scene, plans[0].workspace_from_grasp, gripper=gripper) for gripper in ("wsg_50", loaded)]
     assert outcomes[0].held.any() and np.array_equal(outcomes[0].width_m, outcomes[1].width_m, equal_nan=True)
@@ -157,9 +157,7 @@ def content(value):
 
 
 def test_cameras_grasps_and_plans_can_be_sent_to_another_process():
-    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
-    scene = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))])
-    gripper = graspmill.Gripper.load("franka_hand")
+    camera, scene, gripper = CAMERA, BOXED, graspmill.Gripper.load("franka_hand")
     planner = graspmill.Planner(gripper=gripper)
     plan = planner.plan(scene.render(camera), camera)
     outcomes = graspmill.execute(scene, plan.workspace_from_grasp[:3])
@@ -195,8 +193,7 @@ def test_objects_and_scenes_can_be_sent_to_another_process(tmp_path):
 
 
 def test_what_does_not_change_is_its_own_copy():
-    scene = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))])
-    assert copy.copy(scene) is scene and copy.deepcopy({"of": scene.objects[0]})["of"].name == "cuboid"
+    assert copy.copy(BOXED) is BOXED and copy.deepcopy({"of": BOXED.objects[0]})["of"].name == "cuboid"
     with pytest.raises(TypeError):
         graspmill.Object(1.0)
     with pytest.raises(TypeError):

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp_sets import graspmill, refused
+from grasp_sets import BOXED, CAMERA, DOWN, graspmill, refused
 from programs import ran
 
 SCENE = """
@@ -25,9 +25,6 @@ import graspmill
 camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
 scene = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))])
 """
-DOWN = np.array([[1, 0, 0, 0.15], [0, -1, 0, 0.15], [0, 0, -1, 0.06], [0, 0, 0, 1]], dtype=float)
-CAMERA = graspmill.Camera.look_at((0.15, -0.2, 0.5))
-BOXED = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))])
 
 
 def told(code, before="", timeout=120, **options):

@@ -12,11 +12,6 @@ import graspmill.torch as gt  # noqa: E402
 SMALL = {"batch": 12, "buffer_scenes": 6, "samples_per_scene": 8}
 
 
-@pytest.fixture
-def dataset(learned):
-    return learned
-
-
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     monkeypatch.setattr(graspmill._order, "BLOCK", 4)

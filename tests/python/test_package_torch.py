@@ -17,11 +17,6 @@ import graspmill.torch as gt  # noqa: E402
 from graspmill._arrays import matrices  # noqa: E402
 
 
-@pytest.fixture
-def dataset(learned):
-    return learned
-
-
 def axis_of(rotation):
     """The approach of a quaternion."""
     x, y, z, w = rotation

@@ -5,17 +5,15 @@ A long run tries ten times as many, in a minute on two cores."""
 import numpy as np
 import pytest
 
-graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+from grasp_sets import BOX, BOXED as SCENE, DOWN, graspmill
+
 hypothesis = pytest.importorskip("hypothesis")
 from hypothesis import strategies as st  # noqa: E402
 from hypothesis.extra import numpy as arrays  # noqa: E402
 
-DOWN = np.array([[1, 0, 0, 0.15], [0, -1, 0, 0.15], [0, 0, -1, 0.06], [0, 0, 0, 1]], dtype=float)
 TETRAHEDRON = ([[0, 0, 0], [0.04, 0, 0], [0, 0.04, 0], [0, 0, 0.04]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 CAMERA = graspmill.Camera.look_at((0.15, -0.2, 0.5), width_px=64, height_px=48, focal_px=54)
 BARE = graspmill.Camera.from_K([[54, 0, 32], [0, 54, 24], [0, 0, 1]], (48, 64))
-BOX = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))
-SCENE = graspmill.Scene([BOX])
 DEPTH = SCENE.render(CAMERA)
 TSDF = SCENE.tsdf([CAMERA])
 CLOUD = np.random.default_rng(1).uniform(0.1, 0.2, (60, 3))

@@ -1,7 +1,6 @@
 """Workspaces of other sizes: from Python, from the command line, for both kinds of networks."""
 
 import functools
-import json
 
 import numpy as np
 import pytest
@@ -108,8 +107,7 @@ def test_the_command_line_plans_the_same(tmp_path, config):
     plan = graspmill.Planner(config).plan_tsdf(tsdf, workspace_size_m=0.45)
     assert len(plan) and plan.answer["region"]["high_m"] == pytest.approx([0.45] * 3)
     np.save(tmp_path / "grid.npy", tsdf)
-    words = ["--tsdf", tmp_path / "grid.npy", "--workspace-size", "0.45", "--config", config, "--json", "--quiet"]
-    assert json.loads(packaged("plan", *words).stdout) == plan.answer
+    assert planned("--tsdf", tmp_path / "grid.npy", "--workspace-size", "0.45", "--config", config) == plan.answer
 
 
 def test_a_cloud_is_seen_to_the_border_of_a_larger_workspace():

@@ -65,7 +65,6 @@ def is_own(url: str, path: Path) -> bool:
 
 
 def opened(browser, pages: dict[str, Path], name: str, screen: str = "desktop", scheme: str = "light"):
-    """The page, with the messages and requests while it was opened."""
     path = pages[name]
     replay = f"#attempt={held(DATASET).split('/')[1]}" if name == "scene-replay" else ""
     width, height = SCREENS[screen]

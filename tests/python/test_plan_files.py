@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from grasp_sets import ABOVE, graspmill, refused
+from grasp_sets import ABOVE, BOXED, CAMERA, graspmill, refused
 
 Plan = graspmill.Plan
 #: The flange of a Franka robot is turned by 45 degrees against its gripper, and 112.3 mm behind the tips.
@@ -19,18 +19,9 @@ HEADER = {"frame_id": str}
 POINT = dict.fromkeys(("positions", "velocities", "accelerations", "effort"), [float])
 POSTURE = {"header": HEADER, "joint_names": [str], "points": [POINT]}
 WAY = {"direction": {"header": HEADER, "vector": VECTOR}, "desired_distance": float, "min_distance": float}
-GRASP = {
-    "id": str,
-    "pre_grasp_posture": POSTURE,
-    "grasp_posture": POSTURE,
-    "grasp_pose": {"header": HEADER, "pose": {"position": VECTOR, "orientation": VECTOR | {"w": float}}},
-    "grasp_quality": float,
-    "pre_grasp_approach": WAY,
-    "post_grasp_retreat": WAY,
-    "post_place_retreat": WAY,
-    "max_contact_force": float,
-    "allowed_touch_objects": [str],
-}
+GRASP = {"id": str, "grasp_pose": {"header": HEADER, "pose": {"position": VECTOR, "orientation": VECTOR | {"w": float}}}}
+GRASP |= dict.fromkeys(("pre_grasp_posture", "grasp_posture"), POSTURE) | dict.fromkeys(("grasp_quality", "max_contact_force"), float)
+GRASP |= {**dict.fromkeys(("pre_grasp_approach", "post_grasp_retreat", "post_place_retreat"), WAY), "allowed_touch_objects": [str]}
 
 
 def row(workspace=DOWN, **more):
@@ -51,12 +42,10 @@ def random_plan(count=20, seed=7):
     turns /= np.linalg.norm(turns, axis=2, keepdims=True)
     places = rng.uniform(-0.5, 0.5, (2, count, 3))
     poses = [[{"position_m": p.tolist(), "quaternion_xyzw": q.tolist()} for p, q in zip(*one)] for one in zip(places, turns)]
-    return plan_of(
-        [
-            row(here, camera_from_grasp=seen, width_m=None if number % 4 == 0 else 0.01 + 0.002 * number, quality=0.99 - 0.01 * number)
-            for number, (here, seen) in enumerate(zip(*poses))
-        ]
-    )
+    return plan_of([
+        row(here, camera_from_grasp=seen, width_m=None if number % 4 == 0 else 0.01 + 0.002 * number, quality=0.99 - 0.01 * number)
+        for number, (here, seen) in enumerate(zip(*poses))
+    ])  # fmt: skip
 
 
 def assert_message(value, fields, where="grasp"):
@@ -240,26 +229,21 @@ def test_wrong_arguments_are_named(tmp_path):
         plan.moveit_grasps(frames="camera")
 
 
-@pytest.mark.parametrize(
-    ("text", "match"),
-    [
-        ("[1, 2", "text must be the JSON of a plan"),
-        (b"\xff", "text must be the JSON of a plan"),
-        ("[]", "format must be graspmill-plan/3"),
-        ('{"format": "graspmill-plan/9", "grasps": []}', "format must be graspmill-plan/3, got 'graspmill-plan/9'"),
-        ('{"format": "graspmill-plan/3", "gripper": "a"}', "text must be the JSON of a plan"),
-        ('{"format": "graspmill-plan/3", "gripper": "a", "grasps": [{}]}', "text must be the JSON of a plan"),
-        ('{"format": "graspmill-plan/3", "gripper": "a", "grasps": 7}', "text must be the JSON of a plan"),
-    ],
-)
+@pytest.mark.parametrize(("text", "match"), [
+    ("[1, 2", "text must be the JSON of a plan"),
+    (b"\xff", "text must be the JSON of a plan"),
+    ("[]", "format must be graspmill-plan/3"),
+    ('{"format": "graspmill-plan/9", "grasps": []}', "format must be graspmill-plan/3, got 'graspmill-plan/9'"),
+    ('{"format": "graspmill-plan/3", "gripper": "a"}', "text must be the JSON of a plan"),
+    ('{"format": "graspmill-plan/3", "gripper": "a", "grasps": [{}]}', "text must be the JSON of a plan"),
+    ('{"format": "graspmill-plan/3", "gripper": "a", "grasps": 7}', "text must be the JSON of a plan"),
+])  # fmt: skip
 def test_other_texts_are_not_plans(text, match):
     refused(match, lambda: Plan.from_json(text))
 
 
 def test_a_plan_comes_back_from_its_json(tmp_path):
-    box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075, 0, 0, 0, 1))
-    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
-    plan = graspmill.Planner(gripper="franka_hand").plan(graspmill.Scene([box]).render(camera), camera, grasps_max=3)
+    plan = graspmill.Planner(gripper="franka_hand").plan(BOXED.render(CAMERA), CAMERA, grasps_max=3)
     again = Plan.from_json(plan.to_json())
     assert again.to_json() == plan.to_json() and len(again) == len(plan) == 3
     np.testing.assert_array_equal(again.workspace_from_grasp, plan.workspace_from_grasp)

@@ -6,6 +6,7 @@ import tomllib
 
 import numpy as np
 
+from mutations import leaves
 from planner_service import DEMO, JSON, ROOT, check_error, demo_request, matrix, running, seen
 from programs import run
 
@@ -30,15 +31,6 @@ def test_a_request_may_name_settings_that_come_with_the_planner(service):
     assert status == 422 and b"expected one of `judge`, `paper`, `vgn`: config" in answer
 
 
-def keys_of(value):
-    """Every key of a JSON value, at any depth."""
-    if isinstance(value, dict):
-        yield from value
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else []
-    for one in inner:
-        yield from keys_of(one)
-
-
 def test_every_key_of_an_answer_is_described(service):
     page = (ROOT / "docs" / "plan-format.md").read_text()
     base = {"position_m": [1.0, 0.0, 0.0], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}
@@ -46,7 +38,7 @@ def test_every_key_of_an_answer_is_described(service):
     found = json.loads(service.plan(on_table(demo_request()))[2])
     assert explained["dropped"] and explained["grasps"][0]["base_from_grasp"] and not explained["table"]
     assert found["table"]["candidates"] and found["grasps"]
-    keys = set(keys_of(explained)) | set(keys_of(found))
+    keys = {path[-1] for path in leaves([explained, found]) if isinstance(path[-1], str)}
     undescribed = sorted(key for key in keys if not re.search(rf"\b{key}\b", page))
     assert len(keys) > 40 and not undescribed
 

@@ -346,14 +346,11 @@ def test_the_cameras_pose_is_that_at_the_stamp(start):
     assert poses.header.frame_id == "base" and pose_of(poses.poses[0])[0] == [0.6, 0.0, 0.1]
 
 
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [
-        ({"transform": ros.TransformException("extrapolation into the future")}, "TF must have optical in base at the image's 99.900 s, got extrap"),
-        ({"transform": transform([0.0] * 3, [0.0, 0.0, 0.0, 1.0], at_s=95.0)}, "must be within 0.05 s of the image, got one 4.900 s apart"),
-        ({"now_s": 105.0}, "the newest depth must be at most 1 s old, got 5.1 s"),
-    ],
-)
+@pytest.mark.parametrize(("change", "match"), [
+    ({"transform": ros.TransformException("extrapolation into the future")}, "TF must have optical in base at the image's 99.900 s, got extrap"),
+    ({"transform": transform([0.0] * 3, [0.0, 0.0, 0.0, 1.0], at_s=95.0)}, "must be within 0.05 s of the image, got one 4.900 s apart"),
+    ({"now_s": 105.0}, "the newest depth must be at most 1 s old, got 5.1 s"),
+])  # fmt: skip
 def test_old_images_and_poses_are_refused_and_the_node_goes_on(start, change, match):
     robot = start(answer(row(base_from_grasp=POSE)), base_frame="base")
     fresh = {"transform": transform([0.0] * 3, [0.0, 0.0, 0.0, 1.0]), "now_s": 100.0}
@@ -404,10 +401,9 @@ def test_a_planner_that_is_away_is_named_and_the_node_goes_on(start):
 
 
 def test_planning_in_this_process(start):
-    graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
-    box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075, 0, 0, 0, 1))
-    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
-    depth = graspmill.Scene([box]).render(camera)
+    from grasp_sets import BOXED, CAMERA as camera, graspmill
+
+    depth = BOXED.render(camera)
     want = graspmill.Planner().plan(depth, graspmill.Camera(640, 480, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px))
     robot = start(url="", grasps_max=5)
     sees(robot, depth, vars(camera))
