@@ -48,6 +48,11 @@ def dataset(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def planner():
+    return pytest.importorskip("graspmill").Planner()
+
+
+@pytest.fixture(scope="session")
 def service(tmp_path_factory):
     """A `graspmill serve` for clients that behave."""
     from planner_service import running

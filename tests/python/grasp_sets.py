@@ -37,10 +37,10 @@ def box_obj(size, corner=(0, 0, 0)):
 ALIASES = "a: &-0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(f"b{n}: &-{n} [{', '.join([f'*-{n - 1}'] * 9)}]\n" for n in range(1, 9))
 
 
-def needs(form):
-    """Skips a test where a package for this format is not installed."""
-    if form in NEEDS:
-        pytest.importorskip(NEEDS[form], reason=f"{NEEDS[form]} is not installed: scripts/requirements.txt has it")
+def needs(*forms):
+    """Skips a test where a package for one of these formats is not installed."""
+    for package in filter(None, map(NEEDS.get, forms)):
+        pytest.importorskip(package, reason=f"{package} is not installed: scripts/requirements.txt has it")
 
 
 def one_above(**more):

@@ -146,17 +146,10 @@ class Mutant:
     def rows(self, rng):
         path, table = self.table(rng)
         order = list(range(table.num_rows))
-        kind = rng.choice(["fewer", "none", "doubled", "exchanged", "many"])
-        if kind == "fewer":
-            del order[rng.randrange(len(order))]
-        elif kind == "none":
-            order = []
-        elif kind == "doubled":
-            order.insert(rng.randrange(len(order)), rng.choice(order))
-        elif kind == "exchanged":
-            rng.shuffle(order)
-        else:
-            order = order * 200
+        at = rng.randrange(len(order))
+        ways = {"fewer": order[:at] + order[at + 1 :], "none": [], "doubled": [*order[:at], rng.choice(order), *order[at:]]}
+        ways |= {"exchanged": rng.sample(order, len(order)), "many": order * 200}
+        kind, order = rng.choice(list(ways.items()))
         self.write(path, table.take(pa.array(order, pa.int64())))
         if rng.random() < 0.5:
             self.promise_rows(path, len(order))
@@ -195,7 +188,7 @@ class Mutant:
         names = [INFO, MANIFEST, CARD, LAST, *(str(marker.relative_to(self.folder)) for marker in self.markers)]
         names += [str(path.relative_to(self.folder)) for path in sorted(self.folder.rglob("*.parquet"))]
         path = self.folder / rng.choice(names)
-        kind = rng.choice(["fifo", "socket", "zero", "loop", "folder", "sparse", "gone", "name", "binary"])
+        kind = rng.choice(["name", *MAKERS])
         if kind == "name":
             (path.parent / rng.choice([f"a{CONTROL}", "b\nc", "\udcff", "n" * 255])).write_bytes(b"")
             return f"strange name beside {path.name}"
@@ -254,21 +247,24 @@ class Mutant:
     def replace(self, name, kind):
         path = self.folder / name
         path.unlink()
-        if kind == "fifo":
-            os.mkfifo(path)
-        elif kind == "socket":
-            with socket.socket(socket.AF_UNIX) as server:
-                here = os.open(path.parent, os.O_PATH)
-                server.bind(f"/proc/self/fd/{here}/{path.name}")
-                os.close(here)
-        elif kind == "zero":
-            path.symlink_to("/dev/zero")
-        elif kind == "loop":
-            path.symlink_to(path.name)
-        elif kind == "folder":
-            path.mkdir()
-        elif kind == "sparse":
-            with path.open("wb") as file:
-                file.truncate(1 << 40)
-        elif kind == "binary":
-            path.write_bytes(os.urandom(100_000))
+        MAKERS[kind](path)
+
+
+def bound(path):
+    with socket.socket(socket.AF_UNIX) as server:
+        here = os.open(path.parent, os.O_PATH)
+        server.bind(f"/proc/self/fd/{here}/{path.name}")
+        os.close(here)
+
+
+#: What may stand in a file's place.
+MAKERS = {
+    "fifo": os.mkfifo,
+    "socket": bound,
+    "zero": lambda path: path.symlink_to("/dev/zero"),
+    "loop": lambda path: path.symlink_to(path.name),
+    "folder": Path.mkdir,
+    "sparse": lambda path: (path.touch(), os.truncate(path, 1 << 40)),
+    "gone": lambda path: None,
+    "binary": lambda path: path.write_bytes(os.urandom(100_000)),
+}

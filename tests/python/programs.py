@@ -37,7 +37,6 @@ def run(name: str, *words: object, code: int | None = None, **more: object) -> s
 
 
 def packaged(*words: object, code: int = 0, **more: object) -> subprocess.CompletedProcess[str]:
-    """What the package's program said; it must end with this code."""
     return ran(*PACKAGE, *words, code=code, **more)
 
 

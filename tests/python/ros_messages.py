@@ -63,7 +63,6 @@ def interface(name, text, known):
 
 
 def interfaces():
-    """The messages of ``graspmill_interfaces``, by their names."""
     known, made = dict(_TYPES), {}
     for name in ("RankedGrasp", "RankedGrasps"):
         made[name] = known[f"graspmill_interfaces/{name}"] = interface(name, (INTERFACES / "msg" / f"{name}.msg").read_text(), known)
@@ -95,7 +94,6 @@ class Robot:
         return self.call("plan_now", Answered())
 
     def modules(self, moveit=False):
-        """The modules to be imported, by their names."""
         robot, made, space = self, interfaces(), types.SimpleNamespace
 
         class Node:

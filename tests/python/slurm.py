@@ -116,7 +116,6 @@ def state_of(pid):
 
 
 def send(pid, number):
-    """Sends a signal, unless the process is gone."""
     with contextlib.suppress(ProcessLookupError):
         os.kill(pid, number)
 
@@ -189,7 +188,6 @@ class Cluster:
         return sorted(pid for pid in found if is_alive(pid))
 
     def call(self, *command, cwd=None, check=True, **settings):
-        """What a client of Slurm prints."""
         env = {**self.env, **{key: str(value) for key, value in settings.items()}}
         return ran(*command, cwd=cwd or self.folder, env=env, timeout=CLIENT_S, code=0 if check else None).stdout.strip()
 
@@ -219,6 +217,5 @@ class Cluster:
             time.sleep(POLL_S)
 
     def told(self):
-        """The last lines of the daemons' logs."""
         logs = sorted(self.folder.glob("*.log"))
         return "\n".join(f"{log.name}: " + "\n".join(log.read_text().splitlines()[-8:]) for log in logs)

@@ -9,7 +9,7 @@ import pytest
 
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 pytest.importorskip("pyarrow")
-from grasp_sets import BOX_MESH, ENDINGS, FORMATS, box_obj  # noqa: E402
+from grasp_sets import BOX_MESH, ENDINGS, FORMATS, box_obj, needs  # noqa: E402
 from programs import packaged  # noqa: E402
 
 BOX = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0, 0, 0))
@@ -71,13 +71,8 @@ def test_a_description_is_annotated_as_what_it_describes(tmp_path):
 
 
 def test_grasps_of_others_are_labelled(tmp_path):
-    above = np.diag([1.0, -1.0, -1.0, 1.0])
-    beside = above.copy()
-    beside[0, 3] = 0.2
-    through = above.copy()
-    through[1, 3] = 0.025
-    touching = above.copy()
-    touching[1, 3] = 0.0113  # of the box 1.3 mm are where a finger comes
+    above, beside, through, touching = poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (4, 1, 1))
+    poses[:, :2, 3] = (0, 0), (0.2, 0), (0, 0.025), (0, 0.0113)  # at last 1.3 mm of the box are where a finger comes
     labels = graspmill.annotate(BOX, given=[above, beside, through], drops=0, margins=True)
     for touch_m, outcome, pushed_m in ((0.003, "held", 0.0025), (0.0, "approach_collision", np.nan)):
         told = graspmill.annotate(BOX, given=[touching], drops=0, touch_m=touch_m)
@@ -99,8 +94,7 @@ def annotated(folder, *words):
 @pytest.fixture(scope="module")
 def drawn_files(tmp_path_factory):
     """The folder of a brick, with a set of its grasps in every format."""
-    for package in ("h5py", "yaml"):
-        pytest.importorskip(package, reason=f"{package} is not installed: scripts/requirements.txt has it")
+    needs(*FORMATS)
     folder = brick(tmp_path_factory.mktemp("drawn")).parent
     annotated(folder, "--grasps", "60", "--scale", "0.001", "--format", ",".join(FORMATS), "--out", "drawn")
     return folder

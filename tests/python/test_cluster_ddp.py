@@ -47,7 +47,6 @@ def meeting_problems(service, job):
 
 
 def run_problems(job):
-    """What training needs besides."""
     mounts = mounts_of(job)
     run = next((Path(word.split("=")[1]) for word in container(job)["args"] if word.startswith("--out=")), Path())
     return place_problems(job, ("TMPDIR", "HOME")) + wrong({

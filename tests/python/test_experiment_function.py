@@ -95,28 +95,23 @@ def test_in_the_first_cameras_frame_down_and_points_are_too(tmp_path):
     assert rounds_of(tmp_path / "run")[0]["ending"] == "no_grasp"
 
 
-def broken(_):
-    raise RuntimeError("out of coffee")
-
-
 class Wordless(Exception):
     def __str__(self):
         raise LookupError("no words")
 
 
-def wordless(_):
-    raise Wordless
+def raising(error):
+    def planner(_):
+        raise error
 
-
-def half_a_letter(_):
-    raise RuntimeError("file \udcff is gone")
+    return planner
 
 
 def test_what_a_function_does_ends_the_round_and_not_the_run(tmp_path):
     ways = [
-        (broken, "RuntimeError: out of coffee (test_experiment_function.py, line "),
-        (wordless, "Wordless: its text raised LookupError (test_experiment_function.py, line "),
-        (half_a_letter, "RuntimeError: file ? is gone (test_experiment_function.py, line "),
+        (raising(RuntimeError("out of coffee")), "RuntimeError: out of coffee (test_experiment_function.py, line "),
+        (raising(Wordless()), "Wordless: its text raised LookupError (test_experiment_function.py, line "),
+        (raising(RuntimeError("file \udcff is gone")), "RuntimeError: file ? is gone (test_experiment_function.py, line "),
         (lambda _: None, "must be a Plan, or poses and scores, got None"),
         (lambda _: [np.eye(4)], "must be a Plan, or poses and scores"),
         (lambda _: (np.eye(4)[None], [np.nan]), "scores"),
@@ -148,11 +143,8 @@ def test_a_plan_that_is_too_far_to_be_written_down_ends_the_round(tmp_path):
 
 
 def test_what_is_outside_ends_the_run(tmp_path):
-    def offline(_):
-        raise graspmill.OutsideError("the robot is switched off")
-
     with pytest.raises(graspmill.OutsideError, match="switched off"):
-        run(tmp_path / "run", offline, name="mine")
+        run(tmp_path / "run", raising(graspmill.OutsideError("the robot is switched off")), name="mine")
     assert rounds_of(tmp_path / "run") == []
     run(tmp_path / "run", lambda look: (*from_above(look), [0.02] * len(from_above(look)[1])), name="mine")
     assert all(np.isclose(attempt["width_m"], 0.02) for attempt in rounds_of(tmp_path / "run")[0]["trials"])
@@ -194,7 +186,7 @@ def test_bad_arguments_are_named(tmp_path):
         ({"name": "mine"}, "name goes with planner"),
         ({"rounds": 0}, "rounds must be between 1"),
         ({"settings": {"objects.cuont": 2}}, "cuont"),
-        ({"planner": broken, "settings": {"plan.ranking.policy": "vgn-best"}}, "plan.ranking.policy must be left out where another planner"),
+        ({"planner": from_above, "settings": {"plan.ranking.policy": "vgn-best"}}, "plan.ranking.policy must be left out where another planner"),
         ({"config": tmp_path / "none.toml"}, "none.toml"),
         ({"progress": 3}, "progress must be"),
     ]:

@@ -50,12 +50,6 @@ def table(name, dataset=DATASET):
 
 
 @pytest.fixture(scope="module")
-def grids():
-    rows = pads.dataset(DATASET / "scenes", format="parquet").to_table(columns=["scene_id", "tsdf"]).to_pylist()
-    return {row["scene_id"]: np.array(row["tsdf"], dtype=np.float32) for row in rows}
-
-
-@pytest.fixture(scope="module")
 def vgn(tmp_path_factory):
     out = tmp_path_factory.mktemp("vgn") / "out"
     return out, exported(out)
@@ -148,8 +142,8 @@ def test_vgns_samples_are_the_attempts(sampler, request, tmp_path):
     assert (counts["grasps"], counts["left_out"], counts["attempts"]) == (count, left_out, len(attempts))
 
 
-def test_vgns_grids_are_the_scenes(vgn, grids):
-    out, told = vgn
+def test_vgns_grids_are_the_scenes(vgn):
+    (out, told), grids = vgn, {row["scene_id"]: np.array(row["tsdf"], dtype=np.float32) for row in table("scenes")}
     loader = Loader(out)
     first = {row["scene_id"]: number for number, row in reversed(list(enumerate(loader.rows)))}
     files = sorted((out / "scenes").iterdir())

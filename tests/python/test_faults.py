@@ -412,7 +412,6 @@ def test_another_clock(four, tmp_path, clock):
 
 
 def snapshot(folder):
-    """All names and bytes, and their modification times."""
     times = {str(path): path.stat().st_mtime_ns for path in folder.rglob("*")}
     return files(folder), times
 

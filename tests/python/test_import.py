@@ -54,13 +54,11 @@ FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.uint16)
 
 
 def imported(folder: Path, *more: object) -> dict:
-    """The one object of a folder."""
     (only,) = all_imported(folder, *more).values()
     return only
 
 
 def all_imported(folder: Path, *more: object) -> dict[str, dict]:
-    """The objects of a folder by name."""
     told = packaged("objects", "import", folder, "--out", folder / "x.toml", "--json", "--drops", 0, *more).stdout
     return {body["name"]: body for body in json.loads(told)["objects"]}
 

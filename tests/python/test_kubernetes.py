@@ -39,7 +39,6 @@ def variables_of(job):
 
 
 def mounts_of(job):
-    """What is mounted, by its folder."""
     volumes = {volume["name"]: volume for volume in pod(job).get("volumes", [])}
     return {one["mountPath"]: volumes.get(one["name"], {}) for one in container(job).get("volumeMounts", [])}
 

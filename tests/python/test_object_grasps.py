@@ -139,8 +139,7 @@ def test_what_is_read_is_written_again(tmp_path, form):
 def annotated(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     (folder / "box.obj").write_text(box_obj((0.04, 0.06, 0.05), (-0.02, -0.03, -0.025)))
-    for package in ("h5py", "yaml"):
-        pytest.importorskip(package, reason=f"{package} is not installed: scripts/requirements.txt has it")
+    needs(*FORMATS)
     words = ["--gripper", request.param, "--grasps", "80", "--drops", "10", "--scale", "1", "--margins", "--repeats", "2"]
     packaged("objects", "annotate", "box.obj", *words, "--format", ",".join(FORMATS), "--out", "grasps", cwd=folder)
     return folder / "grasps", request.param

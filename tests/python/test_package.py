@@ -15,25 +15,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp_sets import BOX_MESH, BOXED, CAMERA, DOWN, graspmill, refused
+from grasp_sets import BOX_MESH, BOXED as scene, CAMERA, DOWN, graspmill, refused
 from programs import DATASET, packaged, planned_view  # noqa: E402
 
 CENTRE = (0.15, 0.15, 0.075, 0, 0, 0, 1)
 
 
 @pytest.fixture(scope="module")
-def scene():
-    return BOXED
-
-
-@pytest.fixture(scope="module")
 def dataset():
     return graspmill.Dataset(DATASET)
-
-
-@pytest.fixture(scope="module")
-def planner():
-    return graspmill.Planner()
 
 
 def test_it_is_the_installed_wheel_and_not_the_source_tree():
@@ -51,22 +41,19 @@ def test_stored_attempts_end_bit_for_bit_as_stored_on_any_number_of_threads(data
                 assert old.dtype == new.dtype and old.tobytes() == new.tobytes(), name
 
 
-def test_a_box_between_the_fingers_is_held_and_one_turned_away_is_not(scene):
+def test_a_box_between_the_fingers_is_held_and_one_turned_away_is_not():
     turned = DOWN.copy()
     turned[:3, :2] = DOWN[:3, :2] @ [[0, -1], [1, 0]]
-    beside, high = DOWN.copy(), DOWN.copy()
-    beside[0, 3] += 0.1
-    high[2, 3] += 0.1
+    beside, high, low = np.tile(DOWN, (3, 1, 1))
+    beside[0, 3], high[2, 3], low[:3, 3] = 0.25, 0.16, (0.25, 0.15, 0.045)
     told = graspmill.execute(scene, [DOWN, turned, beside, high])
     assert told.held[:2].all() and told.names[2:] == ["empty", "empty"]
     # Along y it is 60 mm wide, along x 40.
     assert np.allclose(told.width_m[:2], [0.06, 0.04], atol=1e-3)
-    low = beside.copy()
-    low[2, 3] = 0.045
     assert graspmill.HITS[graspmill.execute(scene, [low]).hit[0]] == "table"
 
 
-def test_matrices_and_quaternions_are_the_same_poses(scene):
+def test_matrices_and_quaternions_are_the_same_poses():
     rng = np.random.default_rng(1)
     rotations = np.linalg.qr(rng.normal(size=(200, 3, 3)))[0]
     rotations *= np.linalg.det(rotations)[:, None, None]
@@ -78,7 +65,7 @@ def test_matrices_and_quaternions_are_the_same_poses(scene):
     assert np.allclose(np.abs(graspmill._arrays.quaternions(axes)), np.eye(4)[[3, 0, 1, 2]])
 
 
-def test_another_gripper_and_other_settings_decide(scene):
+def test_another_gripper_and_other_settings_decide():
     # It opens 50 mm, the box is 60 mm wide.
     assert graspmill.execute(scene, [DOWN], gripper="slim_jaw_50").names == ["approach_collision"]
     slippery = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), CENTRE, mass_kg=5.0, friction=0.1)])
@@ -99,7 +86,7 @@ def test_a_mesh_rests_where_it_falls_and_is_held():
     assert len(graspmill.Scene([box]).settle(drop=True)) == 1
 
 
-def test_depth_images_and_tsdf_are_those_of_the_generator(dataset, scene):
+def test_depth_images_and_tsdf_are_those_of_the_generator(dataset):
     camera = graspmill.Camera.look_at((0.15, 0.15, 0.6))
     depth = scene.render(camera)
     assert depth.dtype == np.float32 and depth.shape == (480, 640)
@@ -132,7 +119,7 @@ def test_cameras_of_opengl_look_the_other_way():
     assert np.allclose(same.workspace_from_camera, ours.workspace_from_camera)
 
 
-def test_a_plan_is_the_programs_plan_and_its_grasps_hold(planner, scene, tmp_path):
+def test_a_plan_is_the_programs_plan_and_its_grasps_hold(planner, tmp_path):
     camera, depth = CAMERA, scene.render(CAMERA)
     plan = planner.plan(depth, camera, explain=True)
     assert len(plan) > 5 and plan[0].quality > 0.9 and plan.reason is None
@@ -213,7 +200,6 @@ def test_the_program_is_there_under_all_its_names(tmp_path):
 
 
 def in_a_child(work):
-    """What a function returns in a forked process."""
     context = multiprocessing.get_context("fork")
     queue = context.Queue()
     child = context.Process(target=lambda: queue.put(work()))
@@ -224,7 +210,7 @@ def in_a_child(work):
     return told
 
 
-def test_what_shares_work_does_so_in_a_forked_process_too(dataset, scene):
+def test_what_shares_work_does_so_in_a_forked_process_too(dataset):
     camera, stored = graspmill.Camera.look_at((0.15, 0.15, 0.6)), dataset[3]
 
     def done():
@@ -239,7 +225,7 @@ def test_what_shares_work_does_so_in_a_forked_process_too(dataset, scene):
     assert done() == in_a_child(done)
 
 
-def test_many_calls_keep_no_memory(scene):
+def test_many_calls_keep_no_memory():
     def resident_mb():
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
@@ -253,7 +239,7 @@ def test_many_calls_keep_no_memory(scene):
     assert resident_mb() - before < 2.0
 
 
-def test_wrong_arguments_are_named_with_rule_and_value(scene, planner, dataset):
+def test_wrong_arguments_are_named_with_rule_and_value(planner, dataset):
     box, camera = graspmill.Object.cuboid, graspmill.Camera.look_at((0.15, 0.15, 0.6))
     depth = scene.render(camera)
     reflection, scaled, nothing = np.diag([1.0, 1.0, -1.0, 1.0]), 2 * np.eye(4), np.full((1, 7), np.nan)
@@ -351,7 +337,7 @@ def test_limits_of_the_grippers_way_are_kept(config):
     assert not len(shut) and (config == "paper" or "by approach" in shut.reason)
 
 
-def test_a_function_says_which_grasps_will_do(planner, scene):
+def test_a_function_says_which_grasps_will_do(planner):
     camera, image, asked = CAMERA, scene.render(CAMERA), []
 
     def accept(workspace_from_grasp):
@@ -431,7 +417,7 @@ def test_a_stored_scene_keeps_its_gripper_and_laws_when_a_setting_is_given(tmp_p
     assert len(stored.scene.settle()) == len(stored.scene)
 
 
-def test_empty_lists_are_none_of_a_thing(scene, planner):
+def test_empty_lists_are_none_of_a_thing(planner):
     assert len(graspmill.execute(scene, [])) == 0 and len(graspmill.execute(scene, [], targets=[])) == 0
     camera, depth = CAMERA, scene.render(CAMERA)
     assert planner.plan(depth, camera, avoid=[], keep_out=[]).to_json() == planner.plan(depth, camera).to_json()
@@ -459,7 +445,7 @@ def test_a_dataset_of_a_relative_path_stays_where_it_is_and_can_be_sent_away(dat
     assert relative[0].scene_id == 0 and again.id == dataset.id and len(again) == len(dataset)
 
 
-def test_no_more_threads_than_cores_are_started(scene):
+def test_no_more_threads_than_cores_are_started():
     for threads in range(2, 200):
         graspmill.execute(scene, [DOWN], threads=threads)
     cores = len(os.sched_getaffinity(0))

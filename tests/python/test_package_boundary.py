@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp_sets import BOXED, CAMERA, DOWN, graspmill, refused
+from grasp_sets import BOXED as scene, CAMERA as camera, DOWN, graspmill, refused
 from programs import ran
 
 SCENE = """
@@ -185,13 +185,7 @@ time.sleep(float(sys.argv[1]))
         assert ran(sys.executable, "-c", SCENE + code, 0.013 * number, timeout=120).stderr == "", number
 
 
-@pytest.fixture(scope="module")
-def planner():
-    return graspmill.Planner()
-
-
 def test_what_only_looks_like_an_array_is_refused(planner):
-    camera, scene = CAMERA, BOXED
     plain, released = memoryview(np.zeros((4, 4, 4), np.float32)), memoryview(b"1234")
     released.release()
     odd = memoryview(np.zeros(3, dtype="S3"))
@@ -222,7 +216,6 @@ def test_what_only_looks_like_an_array_is_refused(planner):
 
 
 def test_a_masked_array_is_refused_and_the_message_says_what_to_do(planner):
-    camera, scene = CAMERA, BOXED
     image = scene.render(camera)
     hidden = np.ma.masked_array(image, mask=image > 0.5)
 
@@ -261,10 +254,10 @@ def test_a_masked_array_is_refused_and_the_message_says_what_to_do(planner):
 
 
 def test_text_that_cannot_be_written_is_refused(planner, tmp_path):
-    bad, scene = "a\ud800", BOXED
+    bad = "a\ud800"
     numbers = {key: value for key, value in vars(graspmill.Gripper.load("wsg_50")).items() if key != "name"}
     tetrahedron = (np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    tsdf = scene.tsdf([CAMERA])
+    tsdf = scene.tsdf([camera])
     for call in (
         lambda: graspmill.Object.mesh(tetrahedron, (0, 0, 0), name=bad),
         lambda: graspmill.Object.solid(bad, (0.1, 0.1, 0.1), (0, 0, 0)),

@@ -36,12 +36,6 @@ def shifted(x, y, z):
     return moved
 
 
-def in_mm(pose):
-    pose = pose.copy()
-    pose[:3, 3] *= 1e3
-    return pose
-
-
 def with_w_first(pose):
     x, y, z, qx, qy, qz, qw = graspmill.Camera.from_K(K, SHAPE, pose)._pose()
     return [x, y, z, qw, qx, qy, qz]
@@ -88,7 +82,7 @@ def test_a_mistake_in_a_frame_is_named_as_by_the_command(tmp_path, name):
 
 def test_a_pose_in_millimetres_is_named(tmp_path):
     """The command refuses so large a pose before it is tried."""
-    far = graspmill.Camera.from_K(K, SHAPE, in_mm(POSE))
+    far = graspmill.Camera.from_K(K, SHAPE, shifted(*(999 * POSE[:3, 3])) @ POSE)
     plan = PLANNER.plan(DEPTH, far)
     assert len(plan) == 0 and "if workspace_from_camera were in millimetres: views[0]" in plan.warnings[0]
     assert "are these millimetres?: views[0].workspace_from_camera" in planned_view(tmp_path, DEPTH, far, code=78)

@@ -161,10 +161,9 @@ def test_pybullet_loads_every_body_and_the_scene_rests(exported):
 
 
 def test_usd_opens_and_validates_every_stage(exported):
-    pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
+    pytest.importorskip("pxr", reason="usd-core is not installed")
     from pxr import Usd, UsdGeom, UsdPhysics, UsdShade, UsdValidation
 
-    del pxr
     registry = UsdValidation.ValidationRegistry()
     context = UsdValidation.ValidationContext(registry.GetOrLoadAllValidators())
     for folder in exported("usda"):

@@ -79,8 +79,6 @@ SUSPENDED = "T"
 
 
 class Chaos:
-    """Injects a series of faults into a cluster."""
-
     def __init__(self, cluster, work_s, kills, stops, losses, silent_s):
         """Processes killed or asked to stop, and nodes lost for so long, over about the undisturbed run time."""
         self.cluster, self.silent_s = cluster, silent_s
