@@ -171,8 +171,9 @@ class GripperModel:
         ways = [self.way(body) for body in self.fingers]
         if self.fingers[0] in ways[1] or self.fingers[1] in ways[0]:
             raise InputError(f"fingers must be two links that move apart, got {fingers[0]} and {fingers[1]}, of which one carries the other")
-        self.palm = next(body for body in ways[0] if body in ways[1])
-        self.root = self.fixed_to(self.palm)
+        self.root = self.palm = next(body for body in ways[0] if body in ways[1])
+        while self.root and self.model.body_parentid[self.root] and not self.model.body_jntnum[self.root]:
+            self.root = int(self.model.body_parentid[self.root])
         bodies = [body for body in range(self.model.nbody) if self.root in self.way(body)]
         self.joints = [joint for joint in range(self.model.njnt) if self.model.jnt_bodyid[joint] in bodies and self.model.jnt_bodyid[joint] != self.root]
         for name, way in zip(fingers, ways):
@@ -197,11 +198,6 @@ class GripperModel:
 
     def way(self, body: int) -> list[int]:
         return [body, *self.way(int(self.model.body_parentid[body]))] if body else [body]
-
-    def fixed_to(self, body: int) -> int:
-        while body and self.model.body_parentid[body] and not self.model.body_jntnum[body]:
-            body = int(self.model.body_parentid[body])
-        return body
 
     def moves(self, body: int) -> bool:
         return any(self.model.jnt_bodyid[joint] in self.way(body) for joint in self.joints)

@@ -145,7 +145,11 @@ class ServedPlanner:
 
     def _ask(self, url: str, body: bytes | None = None) -> bytes:
         """The body of an answer; of one that knows no such page nothing. Redirections are not followed."""
-        connection, is_late = self._connection(), threading.Event()
+        connection, is_late = self._kind(*self._server, timeout=self._patience_s), threading.Event()
+        try:
+            connection.connect()
+        except (OSError, UnicodeError) as error:
+            raise OutsideError(f"{self._name}: the server cannot be reached: {error}") from error
         target = urlsplit(url)._replace(scheme="", netloc="", fragment="").geturl() or "/"
 
         def cut(sock: socket.socket) -> None:
@@ -180,14 +184,6 @@ class ServedPlanner:
             said = "".join(letter for letter in f"{moved}: {text.decode(errors='replace')}" if letter.isprintable())
             raise NoAnswer(f"status {answer.status}{said[:400]}")
         return text
-
-    def _connection(self) -> http.client.HTTPConnection:
-        connection = self._kind(*self._server, timeout=self._patience_s)
-        try:
-            connection.connect()
-        except (OSError, UnicodeError) as error:
-            raise OutsideError(f"{self._name}: the server cannot be reached: {error}") from error
-        return connection
 
 
 def _numbers(value: Any, *shape: int) -> Any:

@@ -186,7 +186,7 @@ def test_bad_arguments_are_named(tmp_path):
         ({"name": "mine"}, "name goes with planner"),
         ({"rounds": 0}, "rounds must be between 1"),
         ({"settings": {"objects.cuont": 2}}, "cuont"),
-        ({"planner": from_above, "settings": {"plan.ranking.policy": "vgn-best"}}, "plan.ranking.policy must be left out where another planner"),
+        ({"planner": print, "settings": {"plan.ranking.policy": "vgn-best"}}, "plan.ranking.policy must be left out where another planner"),
         ({"config": tmp_path / "none.toml"}, "none.toml"),
         ({"progress": 3}, "progress must be"),
     ]:

@@ -110,7 +110,8 @@ def test_a_png_in_tenths_of_a_millimetre_is_named_as_by_the_command(tmp_path):
     tenths = np.rint(DEPTH * 1e4).astype(np.uint16)
     Image.fromarray(tenths).save(tmp_path / "depth.png")
     plan = PLANNER.plan(tenths.astype(np.float32) * np.float32(1e-3), RIGHT)
-    assert planned_view(tmp_path, DEPTH, RIGHT, depth="depth.png")["warnings"] == plan.warnings and "if the depths were 0.1" in plan.warnings[0]
+    said = planned_view(tmp_path, DEPTH, RIGHT, depth="depth.png")["warnings"]
+    assert said == plan.warnings and "if the depths were 0.1" in said[0]
     assert planned_view(tmp_path, DEPTH, RIGHT, depth="depth.png", depth_scale_m=1e-4)["warnings"] == []
 
 
