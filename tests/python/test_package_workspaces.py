@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grasp_sets import graspmill, refused
-from programs import packaged
+from programs import packaged, planned
 
 #: Four boxes and a cylinder on a table of 0.45 m; but for the first all are beyond 0.3 m.
 PLACES = ((0.10, 0.10), (0.36, 0.10), (0.10, 0.36), (0.36, 0.36), (0.37, 0.23))
