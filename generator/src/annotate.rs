@@ -20,7 +20,7 @@ use schema::{
 };
 use simulator::{Execution, FloatingWorld, Grip, Load, Motion};
 
-use self::bearing::{HOLD, loads, pull, sides};
+use self::bearing::{HOLD, hold, loads, pull, sides};
 pub use self::bearing::{PHYSICS, PROCEDURE};
 use self::doubt::Fingers;
 use self::draw::{Draw, Supply};
@@ -204,7 +204,7 @@ impl<'a> Bench<'a> {
     fn bears(&self, grip: &Grip<'_>) -> (bool, Motion) {
         let mut most = Motion::default();
         for load in &self.loads {
-            let ending = grip.bear(load, &HOLD, 1.0);
+            let ending = grip.bear(load, &hold(self.params.test), 1.0);
             most.moved_m = most.moved_m.max(ending.motion.moved_m);
             most.turned_rad = most.turned_rad.max(ending.motion.turned_rad);
             if !ending.is_held {

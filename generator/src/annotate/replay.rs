@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use schema::{Model, ModelPart, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
 use simulator::{Body, FloatingWorld, Load};
 
-use super::bearing::{G_M_S2, HOLD, PHYSICS, PROCEDURE, loads};
+use super::bearing::{G_M_S2, PHYSICS, PROCEDURE, hold, loads};
 use crate::recorder::{EventKind, Recorder, Recording, describe_outcome};
 
 /// A grasp of an object alone, executed again.
@@ -64,7 +64,7 @@ fn replay(world: &FloatingWorld<'_>, set: &ObjectGrasps, number: u64, origin_m: 
             let loads = loads(set.test, gripper);
             let is_held = loads.iter().enumerate().all(|(at, load)| {
                 let steps = recorder.bears(describe_load(load, [at + 1, loads.len()]));
-                grip.bear_watched(load, &HOLD, 1.0, Some((&mut recorder, steps))).is_held
+                grip.bear_watched(load, &hold(set.test), 1.0, Some((&mut recorder, steps))).is_held
             });
             (if is_held { Outcome::Held } else { Outcome::Slipped }, Some(grip.width_m()))
         }
