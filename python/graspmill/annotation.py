@@ -18,7 +18,7 @@ from .scene import Object, _simulation
 def annotate(
     object: Object | str | os.PathLike[str] | Any, *, gripper: GripperLike | None = None, grasps: int = 2_000,
     given: ArrayLike | None = None, held_only: bool = False, test: str = "turn",
-    shares: tuple[float, float, float] = (0.8, 0.1, 0.1), touch_m: float = 0.003, margins: bool = False, repeats: int = 12,
+    shares: tuple[float, float, float] = (0.8, 0.1, 0.1), touch_m: float = 0.003, margins: bool = False, repeats: int = 4,
     drops: int = 100, scale: float | None = None, seed: int = 1, threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> ObjectGrasps:  # fmt: skip
@@ -35,7 +35,7 @@ def annotate(
         shares: Shares of antipodal, normal and displaced grasps.
         touch_m: An object that the open gripper would touch on its way is pushed aside, at most so far; 0 for a collision.
         margins: Whether to measure the smallest friction and the strongest pull of each that holds.
-        repeats: Most repeats of each, with errors of pose, friction, mass and force: four where all end alike, 0 for none. ``drops`` is
+        repeats: Most repeats of each, with errors of pose, friction, mass and force: two where all end alike, 0 for none. ``drops`` is
             the number of drops that find the object's stable poses.
         scale: Metres per unit of a mesh; by default guessed from its size.
         seed: Seed of every draw; ``threads`` is the number of threads, by default one per core.

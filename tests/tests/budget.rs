@@ -8,26 +8,26 @@ use workspace_tests::{SourceFile, assert_none, files, member_folders};
 /// Lines of Rust code by folder, without tests, comments and blanks.
 const RUST_MAX: &[(&str, usize)] = &[
     ("settings", 582),
-    ("schema", 1884),
+    ("schema", 1924),
     ("program", 457),
     ("report", 1136),
-    ("shards", 3882),
-    ("inspect", 1271),
-    ("simulator", 4937),
-    ("perception", 2605),
+    ("shards", 3890),
+    ("inspect", 1290),
+    ("simulator", 4981),
+    ("perception", 2639),
     ("grasps", 510),
-    ("network", 2436),
-    ("generator", 4220),
+    ("network", 2459),
+    ("generator", 4417),
     ("trainer", 2928),
-    ("planner", 4588),
-    ("experiments", 1181),
-    ("cli", 2877),
-    ("python", 1596),
+    ("planner", 4622),
+    ("experiments", 1205),
+    ("cli", 2924),
+    ("python", 1604),
 ];
 
 /// Lines of Python by folder, without comments and blanks; docstrings count.
 const PYTHON_MAX: &[(&str, usize)] =
-    &[("python/graspmill", 5000), ("scripts", 3450), ("lab", 526), ("ros2", 567), ("tests/python", 8945)];
+    &[("python/graspmill", 5097), ("scripts", 3450), ("lab", 526), ("ros2", 567), ("tests/python", 9118)];
 
 /// The lines of a Rust file that count: not blank, not a comment, and not of an item under `#[cfg(test)]`. The
 /// formatter ends an item with a line that is as deep as its first one.

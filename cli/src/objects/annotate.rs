@@ -72,9 +72,9 @@ pub(crate) struct Arguments {
     #[arg(long)]
     margins: bool,
 
-    /// Repeat each grasp up to so often with errors as a calibration and a camera leave them, four times where all end
+    /// Repeat each grasp up to so often with errors as a calibration and a camera leave them, twice where all end
     /// alike, and give the share that holds; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = value_parser!(u32).range(0..=1_000))]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = value_parser!(u32).range(0..=1_000))]
     repeats: u32,
 
     /// Drops that find the poses in which an object stands or lies; 0 for none

@@ -99,8 +99,8 @@ impl Default for AnnotateParams {
             test: GripTest::Turn,
             touch_m_max: 0.003,
             margins: false,
-            repeats: 12,
-            repeats_min: 4,
+            repeats: 4,
+            repeats_min: 2,
             // Of a calibrated robot and a camera; of a robot's grasps whose poses are right to 5 mm, the share of 12
             // repeats so moved has an AUC of 0.65.
             position_error_m: 0.004,
