@@ -16,7 +16,7 @@ from .pose import Pose, rotation_of
 G_M_S2 = 9.80665
 # A pull comes up to its strength in this time.
 RISE_S = 0.025
-# An object is lost if its centre of mass moves further against the fingers, or it turns further; in a lift it may swing.
+# An object is lost if its centre of mass moves further against the fingers, or it turns further; a lift lets it swing.
 MOST = {"lift": (0.05, np.pi)}
 MOST_ELSE = (0.01, 0.349)
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])

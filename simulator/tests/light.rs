@@ -188,8 +188,8 @@ fn a_plate_on_edge_is_lifted_at_any_mass() {
     assert!(lost.is_empty(), "{} lost\n{}", lost.len(), lost.join("\n"));
 }
 
-/// 2 μ F against m g, on a table as afloat. A grip that hardly bears the weight may lose what it lifts at once: what has
-/// more inertia than its own takes more to come along, so nobody asks for less than the friction of greased steel.
+/// 2 μ F against m g, on a table as afloat. A grip that hardly bears the weight may lose what it lifts: what has more
+/// inertia than its own takes more to come along, so nobody asks for less than the friction of greased steel.
 #[test]
 fn on_a_table_friction_lifts_what_it_bears() {
     let cube = solid(ShapeKind::Cuboid, [0.03; 3]);

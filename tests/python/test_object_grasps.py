@@ -328,7 +328,7 @@ def placed(*grasps):
 def test_the_best_are_the_strongest_that_held_and_are_apart():
     poses = placed((0.0, 0, 0), (0.019, 180, 0), (0.021, 0, 0), (0.0, 0, 29), (0.0, 31, 0), (0.019, 0, 180), (0.2, 0, 0))
     many = ObjectGrasps("set", poses, held=[1, 1, 1, 1, 1, 1, 0], tug_max_g=[3, 2, 1, 2, 4, 5, 9])
-    # The second is near the first, but for a half turn; the third further away, the fourth not turned enough, the last lost.
+    # The second is near the first, but for a half turn; the third further away, the fourth turned less, the last lost.
     assert many.best(9).tug_max_g.tolist() == [5, 4, 3, 1]
     assert many.best(2).tug_max_g.tolist() == [5, 4] and len(many.subset([6]).best(1)) == 0
     # How likely each holds counts as much; where that is not known of some, they are last.

@@ -57,8 +57,8 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
     points = [_three(key, grasp[key]) for grasp in grasps.values() for key in ("bite_point", "pregrasp_bite_point") if key in grasp]
     x_m, y_m, _ = np.abs(np.reshape(points, (-1, 3))).sum(axis=0)
     score, opening = np.array(confidences, np.float64), np.array(openings_m, np.float64)
-    # Ours say both. The editor writes 0 for what escaped, 0.5 for what was lost later, 1 for what was kept; others are of
-    # a network.
+    # Ours say both. The editor writes 0 for what escaped, 0.5 for what was lost later, 1 for what was kept; others are
+    # of a network.
     told = [grasp.get("held") for grasp in grasps.values()]
     is_ours = all(isinstance(one, bool) for one in told)
     held = np.array(told, bool) if is_ours else score == 1.0 if np.isin(score, (0.0, 0.5, 1.0)).all() else None
