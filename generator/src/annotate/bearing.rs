@@ -8,7 +8,7 @@ use simulator::{Hold, Load, Shake};
 /// Standard gravity, in m/s².
 pub(super) const G_M_S2: f32 = 9.806_65;
 /// An object is held if it ends between both fingers, having moved by no more than 10 mm and turned by no more than 20
-/// degrees against them. The tests and the margins ask for the same.
+/// degrees against them. The margins ask for the same, and all tests but the lift.
 pub(super) const HOLD: Hold = Hold { moved_m_max: 0.01, turned_rad_max: 0.349 };
 /// A lift asks, as scenes do, only that it comes along for half of the way, however it swings: so a robot's counts.
 const LIFTED: Hold = Hold { moved_m_max: 0.05, turned_rad_max: PI };
@@ -16,7 +16,7 @@ const LIFTED: Hold = Hold { moved_m_max: 0.05, turned_rad_max: PI };
 const PULL_S: f32 = 0.25;
 
 /// The settings of every floating world. Blades and walls of cups are thinner than the 2 mm at which jaws have met in
-/// scenes: here nothing is left between them. Edges of thin things take the finger's half of a scene's depth.
+/// scenes: here nothing is left between them. Fingers sink in half as deep as there: they cut through edges.
 pub static PHYSICS: Physics = Physics { finger_depth_m_max: 0.000_05, ..Physics::STANDARD };
 /// See [`PHYSICS`].
 pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0001, ..Procedure::PAPER };
