@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use settings::{Document, Reader, Setting as _, Value, faults_of, settings};
+use settings::{Document, Reader, Setting as _, Value, faults_of, hint, settings};
 
 use crate::{Pose, Quat, Vec3};
 
@@ -152,9 +152,9 @@ impl Gripper {
             Some((_, text)) => Ok((*text).to_owned()),
             None if name.ends_with(".toml") => reader.text_of(&name),
             None => {
-                let names = Self::BUILT_IN.map(|(name, _)| name).join(", ");
-                let got = name.escape_debug();
-                Err(format!("must be a path that ends in .toml or one of {names}, got {got}"))
+                let names = Self::BUILT_IN.map(|(name, _)| name);
+                let (hint, names, got) = (hint(&name, names), names.join(", "), name.escape_debug());
+                Err(format!("must be a path that ends in .toml or one of {names}, got {got}{hint}"))
             }
         };
         match text {
@@ -347,7 +347,10 @@ mod tests {
         for (name, _) in Gripper::BUILT_IN {
             assert_eq!(named(name).unwrap().name, name);
         }
+        let near = named("franka").unwrap_err().to_string();
+        assert!(near.contains("got franka, did you mean franka_hand?"), "{near}");
         let unknown = named("three_fingers").unwrap_err().to_string();
+        assert!(!unknown.contains("did you mean"), "{unknown}");
         assert!(unknown.contains("gripper must be a path that ends in .toml"), "{unknown}");
         assert!(Gripper::BUILT_IN.iter().all(|(name, _)| unknown.contains(name)), "{unknown}");
         let missing = named("three_fingers.toml").unwrap_err().to_string();

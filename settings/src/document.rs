@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use toml::{Table, Value};
 
-use crate::{Error, Reader, Setting};
+use crate::{Error, Reader, Setting, hint};
 
 /// The text of settings, parsed but not yet checked.
 #[derive(Debug, Clone)]
@@ -63,7 +63,9 @@ impl Document {
         let first = self.table.get_mut(parts.next().unwrap_or_default());
         let slot = parts.fold(first, |slot, part| slot?.as_table_mut()?.get_mut(part));
         let Some(slot) = slot else {
-            return Err(self.invalid(vec![format!("there is no key {key}")]));
+            let paths = paths(&self.table, "");
+            let hint = hint(key, paths.iter().map(String::as_str));
+            return Err(self.invalid(vec![format!("there is no key {key}{hint}")]));
         };
         *slot = match (&*slot, value) {
             (Value::Float(_), Value::Integer(whole)) => Value::Float(whole as f64),
@@ -104,6 +106,16 @@ impl Document {
     pub fn invalid(&self, faults: Vec<String>) -> Error {
         Error::Invalid { path: self.path.clone(), faults }
     }
+}
+
+/// The paths of all keys of a table, each after `before`.
+fn paths(table: &Table, before: &str) -> Vec<String> {
+    let below = |(key, value): (&String, &Value)| {
+        let path = format!("{before}{key}");
+        let deeper = value.as_table().map(|inner| paths(inner, &format!("{path}.")));
+        [vec![path], deeper.unwrap_or_default()].concat()
+    };
+    table.iter().flat_map(below).collect()
 }
 
 /// Largest text of settings, in bytes.

@@ -19,7 +19,7 @@ pub use document::{Document, faults_of, read_stored, read_text};
 pub use error::Error;
 pub use flat::flat;
 pub use limits::{Limits, above};
-pub use reader::Reader;
+pub use reader::{Reader, hint};
 pub use serde;
 pub use setting::{Row, Setting, rows_of};
 pub use toml::Value;

@@ -18,6 +18,18 @@ pub struct Reader<'a> {
 /// Most characters of a wrong value that a message repeats.
 const SHOWN_MAX: usize = 100;
 
+/// `, did you mean …?` with the name that is most like a wrong one, or has it in itself; nothing if none is.
+#[must_use]
+pub fn hint<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> String {
+    let distance = |name: &&str| strsim::damerau_levenshtein(name, wrong);
+    let is_near = |name: &&str| {
+        let letters = wrong.chars().count();
+        distance(name) <= (letters / 3).max(1) || (letters > 2 && name.contains(wrong))
+    };
+    let nearest = names.into_iter().filter(is_near).min_by_key(distance);
+    nearest.map(|name| format!(", did you mean {name}?")).unwrap_or_default()
+}
+
 impl<'a> Reader<'a> {
     pub(crate) fn new(folder: &'a Path, path: &str) -> Self {
         Self { path: path.to_owned(), faults: Vec::new(), folder }
@@ -108,9 +120,7 @@ impl<'a> Reader<'a> {
             return None;
         };
         for key in table.keys().filter(|key| !keys.contains(&key.as_str())) {
-            let nearest = keys.iter().min_by_key(|known| strsim::damerau_levenshtein(known, key));
-            let is_near = |known: &&&str| strsim::damerau_levenshtein(known, key) <= (key.chars().count() / 3).max(1);
-            let hint = nearest.filter(is_near).map(|known| format!(", did you mean {known}?")).unwrap_or_default();
+            let hint = hint(key, keys.iter().copied());
             // Quoted keys may contain anything.
             let key = key.escape_debug().to_string();
             self.within(&key, |reader| reader.fault(format_args!("is an unknown key{hint}")));

@@ -139,6 +139,11 @@ fn a_set_value_takes_the_place_of_the_texts() {
         let message = document.set(key, "1").unwrap_err().to_string();
         assert!(message.contains(&format!("there is no key {key}")), "{message}");
     }
+    for (key, meant) in [("shares", "share"), ("colours", "colour"), ("weights", "inner.weights")] {
+        let message = document.set(key, "1").unwrap_err().to_string();
+        assert!(message.contains(&format!("there is no key {key}, did you mean {meant}?")), "{message}");
+    }
+    assert!(!document.set("sleep", "1").unwrap_err().to_string().contains("did you mean"));
     document.set("share", "0.25").unwrap();
     assert_eq!(document.read::<All>().unwrap().inner.counts, [7]);
 }
