@@ -68,10 +68,9 @@ pub struct ImportParams {
     pub corners_max: u8,
     /// Objects are cut until their parts leave the surface by no more than this, in metres.
     pub tolerance_m: f32,
-    /// Test drops of each object; 0 for none.
+    /// Test drops of each object, which leave out what does not fit into a scene; 0 for none.
     pub drops: u32,
-    /// Objects that come to rest in a smaller share of their test drops are left out; above 0 also those that do not
-    /// fit into the workspace.
+    /// Objects that come to rest in a smaller share of their test drops are left out.
     pub rests_min: f64,
 }
 
@@ -272,8 +271,12 @@ impl Import<'_> {
             Some(rested) if f64::from(rested) < least * f64::from(drops) => Err(unusable(format!(
                 "it must come to rest in a share of {least} of its test drops, got {rested} of {drops}: {file}"
             ))),
-            None if drops > 0 && least > 0.0 => {
-                Err(unusable(format!("it does not fit into a scene to be dropped: {file}")))
+            None if drops > 0 => {
+                let most_m = config.grid.size_m.min(2.0 * config.objects.drop_height_m);
+                let got_m = 2.0 * body.bounding_radius_m();
+                Err(unusable(format!(
+                    "it must be at most {most_m} m long to be dropped in the scenes of --config, got {got_m:.3} m: {file}"
+                )))
             }
             _ => Ok((object, text)),
         }

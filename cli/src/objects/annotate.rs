@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use clap::{Args, value_parser};
-use generator::{AnnotateParams, Annotated, GraspShares, LeftOut, annotate, relabel};
+use generator::{AnnotateParams, Annotated, GraspShares, annotate, relabel};
 use indicatif::ProgressBar;
 use inspect::{GivenGrasps, grasp_sets, grasps_info, grasps_table};
 use network::checkpoint::digest;
@@ -16,7 +16,7 @@ use report::document::{Block, Cell, Document, Table};
 use schema::{GripTest, Gripper};
 use serde_json::{Value, json};
 
-use super::import::{MeshOptions, tell};
+use super::import::{MeshOptions, tell, tell_left_out};
 use crate::dataset::browse::grasp_pages;
 use crate::parse::{between, one_of, others_do};
 use crate::planning::gripper::named;
@@ -161,9 +161,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let on_first = || print_error("stopping: abandoning the object under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
     let bar = ProgressBar::new_spinner();
-    let read = Annotated::read(&arguments.objects, &arguments.options.params(0, 0.0), &|file, it| tell(&bar, file, it));
+    let read = Annotated::read(&arguments.objects, &arguments.options.params(0, 0.0), &|file, _| tell(&bar, file));
     bar.finish_and_clear();
     let (objects, left_out) = read?;
+    tell_left_out(&left_out);
     if given.is_some() && objects.len() != 1 {
         let text = format!("--relabel needs one object, whose grasps the file has; there are {}", objects.len());
         return Err(Failure::new(ExitCode::Config, text));
@@ -203,7 +204,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         let made = grasp_pages(out, &names, &out.join("pages"), true)?;
         code = if made == ExitCode::Ok { code } else { made };
     }
-    print(document(&infos, &left_out, &arguments.out).text())?;
+    print(document(&infos, left_out.len(), &arguments.out).text())?;
     Ok(code)
 }
 
@@ -308,7 +309,7 @@ fn differences(key: &str, there: &Value, here: &Value) -> Vec<String> {
     }
 }
 
-fn document(infos: &[Value], left_out: &[LeftOut], out: &Path) -> Document {
+fn document(infos: &[Value], left_out: usize, out: &Path) -> Document {
     let number = |info: &Value, at: &str| info.pointer(at).and_then(Value::as_u64).unwrap_or(0);
     let name = |info: &Value| info["object"]["name"].as_str().unwrap_or_default().to_owned();
     let head = ["object", "grasps", "held", "slipped", "empty", "collisions", "pushed", "P(held)", "covered", "poses"];
@@ -335,18 +336,16 @@ fn document(infos: &[Value], left_out: &[LeftOut], out: &Path) -> Document {
         let texts = info["object"]["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str);
         texts.map(|text| format!("{}: {text}", name(info))).collect::<Vec<_>>()
     };
-    let left_out_texts = left_out.iter().map(|one| format!("left out: {}", one.reason));
     let [grasps, held] = ["/grasps", "/outcomes/held"].map(|at| infos.iter().map(|info| number(info, at)).sum::<u64>());
     let agreement = infos.iter().find_map(|info| agreement_text(&info["agreement"]));
     let plural = if infos.len() == 1 { "" } else { "s" };
     let mut blocks = vec![
         Block::Table(Table::new(head, infos.iter().map(row))),
-        Block::Warnings(infos.iter().flat_map(said).chain(few).chain(left_out_texts).collect()),
+        Block::Warnings(infos.iter().flat_map(said).chain(few).collect()),
         Block::Text(format!(
-            "{grasps} grasps of {} object{plural}, {held} held, in {}; {} left out",
+            "{grasps} grasps of {} object{plural}, {held} held, in {}; {left_out} left out",
             infos.len(),
-            out.display(),
-            left_out.len()
+            out.display()
         )),
     ];
     blocks.extend(agreement.map(Block::Text));

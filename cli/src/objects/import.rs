@@ -1,13 +1,12 @@
 //! `graspmill objects import`: meshes to a catalogue of objects, with a table of the results.
 
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, value_parser};
-use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
+use generator::{Config, ImportParams, Imported, ImportedObject, LeftOut, Overrides, import_objects, sources};
 use indicatif::ProgressBar;
 use program::text::percent;
-use program::{Context, ExitCode, Failure, json, print, print_error, write};
+use program::{ExitCode, Failure, json, print, print_error, write};
 use report::document::{Block, Cell, Document, Table};
 
 use crate::parse::between;
@@ -28,12 +27,11 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     options: MeshOptions,
 
-    /// Test drops of each object; 0 for none
+    /// Test drops of each object, which leave out what does not fit into a scene; 0 for none
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = value_parser!(u32).range(0..=1000))]
     drops: u32,
 
-    /// Leave out objects that come to rest in a smaller share of their test drops; above 0 also those that do not fit
-    /// into the workspace
+    /// Leave out objects that come to rest in a smaller share of their test drops
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = between(0.0..=1.0_f64))]
     rests_min: f64,
 
@@ -115,53 +113,43 @@ impl MeshOptions {
     }
 }
 
-/// Shows on a bar that a file is done, and why it is left out if it is.
-pub(super) fn tell(bar: &ProgressBar, file: &Path, reason: Option<&str>) {
-    if let Some(reason) = reason {
-        bar.suspend(|| print_error(&format!("left out: {reason}")));
-    }
+/// Says why files are left out.
+pub(super) fn tell_left_out(left_out: &[LeftOut]) {
+    left_out.iter().for_each(|one| print_error(&format!("left out: {}", one.reason)));
+}
+
+/// Shows on a bar that a file is done.
+pub(super) fn tell(bar: &ProgressBar, file: &Path) {
     bar.set_message(file.display().to_string());
     bar.inc(1);
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let config = Config::load(arguments.config.as_deref(), Overrides::default())?;
-    check_target(&arguments.out)?;
+    check_target(&arguments.out, arguments.force)?;
     let sources = sources(&arguments.meshes, arguments.options.described.as_deref())?;
     let bar = ProgressBar::new(sources.len() as u64).with_style(style("files"));
     let params = arguments.options.params(arguments.drops, arguments.rests_min);
-    let imported = import_objects(&sources, &params, &config, &|file, reason| tell(&bar, file, reason));
+    let imported = import_objects(&sources, &params, &config, &|file, _| tell(&bar, file));
     bar.finish_and_clear();
     let imported = imported?;
-    write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
+    write(&arguments.out, &imported.catalogue)?;
+    tell_left_out(&imported.left_out);
     print(if arguments.json { json(&imported)? } else { document(&imported, &arguments.out).text() })?;
     Ok(if imported.left_out.is_empty() { ExitCode::Ok } else { ExitCode::Partial })
 }
 
-/// Decomposing meshes takes minutes, so unwritable outputs are reported before.
-pub(super) fn check_target(path: &Path) -> Result<(), Failure> {
+/// Decomposing meshes takes minutes, so an output that cannot or must not be written is refused before.
+fn check_target(path: &Path, replaces: bool) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if folder.is_dir() && !path.is_dir() {
+    let why = if !folder.is_dir() || path.is_dir() {
+        "--out must name a file in an existing folder"
+    } else if path.is_file() && !replaces {
+        "--out must name a new file, and this catalogue may have been edited; --force replaces it"
+    } else {
         return Ok(());
-    }
-    let text = format!("--out must name a file in an existing folder: {}", path.display());
-    Err(Failure::new(ExitCode::Config, text))
-}
-
-/// Leaves an existing file as it is, unless `replaces`.
-pub(super) fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), Failure> {
-    match program::read(path, u64::MAX - 1) {
-        Ok(existing) if existing == text.as_bytes() => return Ok(()),
-        Ok(_) if !replaces => {
-            let path = path.display();
-            let text = format!("another catalogue exists, and may have been edited; --force replaces it: {path}");
-            return Err(Failure::new(ExitCode::Config, text));
-        }
-        Ok(_) => {}
-        Err(error) if error.kind() == ErrorKind::NotFound => {}
-        Err(error) => return Err(error).context(format_args!("failed to read {}", path.display())),
-    }
-    write(path, text)
+    };
+    Err(Failure::new(ExitCode::Config, format!("{why}: {}", path.display())))
 }
 
 fn document(imported: &Imported, out: &Path) -> Document {
@@ -201,12 +189,11 @@ fn document(imported: &Imported, out: &Path) -> Document {
     };
     let count = imported.objects.len();
     let plural = if count == 1 { "" } else { "s" };
-    let left_out = imported.left_out.iter().map(|one| format!("left out: {}", one.reason));
     let origin = if imported.is_scale_guessed { "guessed from the sizes; --scale decides" } else { "--scale" };
     let scale_m = imported.scale_m;
     let blocks = vec![
         Block::Table(Table::new(head, imported.objects.iter().map(row))),
-        Block::Warnings(imported.objects.iter().flat_map(warnings).chain(left_out).collect()),
+        Block::Warnings(imported.objects.iter().flat_map(warnings).collect()),
         Block::Text(format!("one unit of a mesh file is {scale_m} m ({origin})")),
         Block::Text(format!(
             "{count} object{plural} written to {}, {} left out",

@@ -120,10 +120,9 @@ pub(super) fn scene_warnings(object: &ImportedObject, config: &Config, measured:
         ));
     }
     let side_m = config.grid.size_m;
-    if measured.extents_m.length() > f64::from(side_m) {
+    if drops == 0 && measured.extents_m.length() > f64::from(side_m) {
         warnings.push(format!(
-            "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped; --rests-min leaves such \
-             objects out"
+            "its bounding box's diagonal is longer than the workspace's side, {side_m} m: test drops would show whether it fits"
         ));
     }
     if let Some(rested) = object.rested.filter(|rested| *rested < drops) {

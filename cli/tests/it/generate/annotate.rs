@@ -179,7 +179,8 @@ fn what_cannot_be_grasped_or_read_is_listed_and_the_rest_goes_on() {
     let output = annotate(&dir, &words);
     assert_eq!(output.status.code(), Some(66), "{output:?}");
     let said = String::from_utf8_lossy(&output.stdout);
-    assert!(said.contains("slab: 0 grasps instead of 40") && said.contains("left out: "), "{said}");
+    assert!(said.contains("slab: 0 grasps instead of 40") && !said.contains("left out: "), "{said}");
+    assert_eq!(String::from_utf8_lossy(&output.stderr).matches("left out: ").count(), 1, "{output:?}");
     assert!(info(&dir.path().join("grasps/slab.json"))["coverage"].is_null());
     check_fails(&annotate(&dir, &["broken.obj", "--out", "more"]), 65, &["broken.obj"]);
     check_fails(&annotate(&dir, &["brick.obj", "--gripper", "claw", "--out", "more"]), 78, &["claw"]);

@@ -138,9 +138,9 @@ fn meshes_are_measured_and_become_a_catalogue() {
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
     let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
     assert_eq!(catalogue.names(), ["Cube", "ell", "wedge_piece"]);
-    // The same again, without overwriting a user's changes.
-    check_ok(&import(&dir, &["--density", "1000"]));
-    check_fails(&import(&dir, &["--mass", "0.2"]), 78, &["--force replaces it", "my-objects.toml"]);
+    // A user's changes are not overwritten, and the meshes not even read.
+    let refused = program(&dir, &["objects", "import", "nowhere.obj", "--out", "my-objects.toml"]);
+    check_fails(&refused, 78, &["--force replaces it", "my-objects.toml"]);
     let table = check_ok(&import(&dir, &["--mass", "0.2", "--friction", "0.5", "--hulls-max", "1", "--force"]));
     assert!(table.contains("wedge_piece") && table.contains("warning: ell: the parts have"), "{table}");
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
@@ -151,21 +151,25 @@ fn meshes_are_measured_and_become_a_catalogue() {
 #[test]
 fn what_is_odd_about_a_mesh_is_said() {
     let dir = with_meshes();
-    let of = |file: &str, scale: &str| {
+    let of = |file: &str, scale: &str, drops: &str| {
         let file = format!("meshes/{file}");
-        program(&dir, &["objects", "import", &file, "--mass", "1", "--scale", scale, "--out", "odd.toml", "--force"])
+        let words = ["objects", "import", &file, "--mass", "1", "--scale", scale, "--drops", drops];
+        program(&dir, &[&words[..], &["--out", "odd.toml", "--force"]].concat())
     };
     // Without --scale a cube of 40 mm is one of 40 m.
-    check_fails(&of("Cube.obj", "1"), 78, &["at most 10 m long, got 40 m", "--scale 0.001", "Cube.obj"]);
+    check_fails(&of("Cube.obj", "1", "20"), 78, &["at most 10 m long, got 40 m", "--scale 0.001", "Cube.obj"]);
     assert!(!dir.path().join("odd.toml").exists());
-    let large = check_ok(&of("Cube.obj", "0.05"));
+    // What no scene can drop is no object of a catalogue that scenes read.
+    check_fails(&of("Cube.obj", "0.05", "20"), 78, &["at most 0.3 m long", "got 3.464 m", "Cube.obj"]);
+    assert!(!dir.path().join("odd.toml").exists());
+    let large = check_ok(&of("Cube.obj", "0.05", "0"));
     for part in ["the gripper opens 80.0 mm", "bounding box's diagonal"] {
         assert!(large.contains(part), "{part}: {large}");
     }
     let (corners, triangles) = prism(&SQUARE, &SQUARE_CAP, 40.0);
     let inwards = triangles.iter().map(|[a, b, c]| [*a, *c, *b]).chain([[0, 0, 1]]).collect();
     obj(&dir.path().join("meshes/inwards.obj"), (corners, inwards));
-    let turned = check_ok(&of("inwards.obj", "0.001"));
+    let turned = check_ok(&of("inwards.obj", "0.001", "20"));
     assert!(turned.contains("triangles were inside out"), "{turned}");
 }
 
@@ -192,6 +196,7 @@ fn files_that_are_no_meshes_are_told_together() {
     let told: Value = serde_json::from_slice(&partly.stdout).unwrap();
     let count = |key: &str| told[key].as_array().unwrap().len();
     assert_eq!((count("objects"), count("left_out")), (4, 4), "{told}");
+    assert_eq!(String::from_utf8_lossy(&partly.stderr).matches("flat.obj").count(), 1, "each once: {partly:?}");
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
     let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
     assert_eq!(catalogue.names(), ["Cube", "ell", "open", "wedge_piece"]);
@@ -202,11 +207,9 @@ fn files_that_are_no_meshes_are_told_together() {
     let only = |files: &[&str], more: &[&str]| {
         program(&dir, &[&["objects", "import"], files, &["--out", "x.toml"], more].concat())
     };
-    check_fails(
-        &only(&["meshes/cut.stl", "meshes/flat.obj"], &[]),
-        65,
-        &["none of the files can be used", "cut.stl", "flat.obj"],
-    );
+    let none = only(&["meshes/cut.stl", "meshes/flat.obj"], &[]);
+    check_fails(&none, 65, &["none of the files can be used", "cut.stl", "flat.obj"]);
+    assert_eq!(String::from_utf8_lossy(&none.stderr).matches("flat.obj").count(), 1, "each once: {none:?}");
     check_fails(&only(&["nowhere.obj"], &[]), 78, &["nowhere.obj"]);
     fs::create_dir(dir.path().join("nothing")).unwrap();
     check_fails(&only(&["nothing"], &[]), 78, &["there is no .obj, .stl, .ply, .glb, .urdf or MuJoCo .xml file"]);
