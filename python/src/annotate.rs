@@ -133,7 +133,7 @@ fn of_file(file: Option<(PathBuf, Option<f64>, Option<PathBuf>)>) -> Result<Anno
     let refused = |text: String| Failure::new(ExitCode::Config, text);
     let (path, scale, described) = file.ok_or_else(|| refused("an object or a file must be given".to_owned()))?;
     let params = ImportParams { scale, described, ..ImportParams::default() };
-    let (mut objects, _) = Annotated::read(std::slice::from_ref(&path), &params, &|_, _| {})?;
+    let (mut objects, _) = Annotated::read(std::slice::from_ref(&path), &params, &|_| Ok(()), &|_, _| {})?;
     match (objects.pop(), objects.len()) {
         (Some(object), 0) => Ok(object),
         (_, more) => Err(refused(format!("the file must have one object, got {}: {}", more + 1, path.display()))),

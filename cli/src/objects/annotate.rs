@@ -161,7 +161,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let on_first = || print_error("stopping: abandoning the object under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
     let bar = ProgressBar::new_spinner();
-    let read = Annotated::read(&arguments.objects, &arguments.options.params(0, 0.0), &|file, _| tell(&bar, file));
+    let import = arguments.options.params(0, 0.0);
+    let check = |name: &str| check_params(&arguments.out, name, &params);
+    let read = Annotated::read(&arguments.objects, &import, &check, &|file, _| tell(&bar, file));
     bar.finish_and_clear();
     let (objects, left_out) = read?;
     tell_left_out(&left_out);
@@ -274,15 +276,29 @@ fn earlier(out: &Path, name: &str, settings: &Value) -> Result<Option<Value>, Fa
     let here: Value = serde_json::from_str(&text).unwrap_or_default();
     let others = differences("settings", &info["settings"], &here);
     if !(has_settings || info.is_null() || others.is_empty()) {
-        let (others, about) = (others.join("; "), about.display());
-        let text = format!("--out holds grasps of another object or with other settings: {others}: {about}");
-        return Err(Failure::new(ExitCode::Config, text));
+        return Err(refused(&others, &about));
     }
     if [&about, &table].into_iter().any(|path| fs::symlink_metadata(path).is_ok()) {
         let faulty = if has_settings { table } else { about };
         print_error(&format!("made again, for it is missing, cut, changed or a link: {}", faulty.display()));
     }
     Ok(None)
+}
+
+/// Refuses grasps of a mesh by other parameters before it is cut, which may take minutes; [`earlier`] compares the rest.
+fn check_params(out: &Path, name: &str, params: &AnnotateParams) -> Result<(), Failure> {
+    let [about, _] = files(out, name);
+    let info: Value = serde_json::from_slice(&own_bytes(&about, BYTES_MAX[0])?).unwrap_or_default();
+    let here: Value = serde_json::from_str(&json!(params).to_string()).unwrap_or_default();
+    let there = &info["settings"]["params"];
+    let others = differences("settings.params", there, &here);
+    if there.is_null() || others.is_empty() { Ok(()) } else { Err(refused(&others, &about)) }
+}
+
+fn refused(others: &[String], about: &Path) -> Failure {
+    let (others, about) = (others.join("; "), about.display());
+    let text = format!("--out holds grasps of another object or with other settings: {others}: {about}");
+    Failure::new(ExitCode::Config, text)
 }
 
 /// The bytes of a file; none where there is no file but a link, or nothing.

@@ -16,13 +16,14 @@ use crate::{Config, Overrides};
 impl Annotated {
     /// The objects of some paths, catalogues (`.toml`) first, and the files that could not be used. Grasps of a mesh
     /// are given in the mesh's own frame, in metres; those of a catalogue's object in the frame of the catalogue's
-    /// numbers.
+    /// numbers. `check` may refuse a mesh by its object's name before any mesh is read.
     ///
     /// # Errors
     /// If nothing can be used, a catalogue is wrong, two objects have one name, or a name cannot name a file.
     pub fn read(
         paths: &[PathBuf],
         params: &ImportParams,
+        check: &dyn Fn(&str) -> Result<(), Failure>,
         on_file: &(dyn Fn(&Path, Option<&str>) + Sync),
     ) -> Result<(Vec<Self>, Vec<LeftOut>), Failure> {
         let is_catalogue = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "toml");
@@ -43,6 +44,7 @@ impl Annotated {
             let meshes: Vec<PathBuf> = meshes.into_iter().cloned().collect();
             let config = Config::load(None, Overrides::default())?;
             let sources = sources(&meshes, params.described.as_deref())?;
+            sources.iter().try_for_each(|source| check(&source.name))?;
             let imported = import_objects(&sources, params, &config, on_file)?;
             let broken = |text: String| Failure::new(ExitCode::Internal, text);
             let catalogue = Catalogue::parse(&imported.catalogue, Path::new("the imported objects")).map_err(broken)?;

@@ -127,6 +127,10 @@ fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
     check_fails(&annotate(&dir, &["brick.obj", "--out", "grasps"]), 78, &["settings is null there"]);
     fs::write(folder.join("brick.json"), about).unwrap();
     assert_eq!(files(&folder), before);
+    // Before a mesh is read and cut.
+    fs::write(dir.path().join("brick.obj"), "").unwrap();
+    let other = annotate(&dir, &["brick.obj", "--out", "grasps", "--seed", "2"]);
+    check_fails(&other, 78, &["settings.params.seed is 1 there and 2 here", "brick.json"]);
 }
 
 /// A state that a run does not leave: one file of another run, or empty, cut, linked or gone. Gone is also what a kill
