@@ -43,6 +43,8 @@ pub struct Config {
     pub model: Option<PathBuf>,
     /// The experiment and the planner's settings, as resolved, for people.
     pub text: String,
+    /// Who plans, for people.
+    pub planned_by: String,
     /// Digest of all that decides a round but its seed and the network: those texts, what the files that they name
     /// hold, and the objects. It does not depend on where the files lie.
     pub digest: String,
@@ -123,7 +125,8 @@ settings! {
     /// What an experiment's file holds.
     #[derive(Debug, Clone)]
     pub struct Keys {
-        /// The protocol's name; every number carries it.
+        /// The protocol's name; every number carries it. Keys in braces stand for their values, and what `--set` changes
+        /// besides is added.
         pub protocol: String,
         /// Seeds of the scenes; each has all rounds.
         pub seeds: Vec<u64>,
@@ -266,7 +269,11 @@ impl Config {
     pub fn resolve(mut document: Document, set: &[(String, String)]) -> Result<Self, settings::Error> {
         let (of_plan, own): (Vec<_>, Vec<_>) = set.iter().partition(|(key, _)| key.starts_with("plan."));
         own.into_iter().try_for_each(|(key, value)| document.set(key, value))?;
-        let keys: Keys = document.read()?;
+        let mut keys: Keys = document.read()?;
+        let template = std::mem::take(&mut keys.protocol);
+        let protocol = filled(&template, document.table());
+        keys.protocol = protocol.clone() + &changes(&template, set);
+        document.table_mut().insert("protocol".to_owned(), protocol.into());
         let file = |name: &str, built_in: &str| (name != built_in).then(|| document.folder().join(name));
         let mut scene = generator::Config::load(file(&keys.scene, "paper").as_deref(), Overrides::default())?;
         scene.grid = scene.grid.over(keys.table_size_m);
@@ -296,6 +303,10 @@ impl Config {
             objects,
             noise: keys.noise.kind.noise(keys.noise.std_m, scene.camera.focal_px),
             model: file(&keys.model, "built-in"),
+            planned_by: match keys.model.as_str() {
+                "built-in" => last(&keys.plan).to_owned(),
+                model => format!("{} with {}", last(&keys.plan), last(model)),
+            },
             text,
             keys,
             scene,
@@ -303,11 +314,15 @@ impl Config {
         })
     }
 
-    /// Says in its text who plans in place of our planner, of whose settings the gripper alone counts.
+    /// Says in its text who plans in place of our planner, of whose settings the gripper alone counts: the others are
+    /// left out.
     pub fn tell_planner(&mut self, who: &str) {
-        let who = who.replace(char::is_control, " ");
-        let told = format!("\n# Planned by {who}. Of these settings the gripper alone counts.\n");
-        self.text = self.text.replacen(PLANNER, &told, 1);
+        self.planned_by = who.replace(char::is_control, " ");
+        let (own, plan) = self.text.split_once(PLANNER).unwrap_or((&self.text, ""));
+        let [mut own, mut plan] = [own, plan].map(|text| text.parse::<Table>().unwrap_or_default());
+        own.retain(|key, _| key != "plan" && key != "model");
+        plan.retain(|key, _| key == "gripper");
+        self.text = format!("{own}\n# Planned by {}.\n{plan}", self.planned_by);
     }
 
     /// Rounds of all seeds: at most 10⁹.
@@ -341,6 +356,36 @@ impl Config {
         };
         (0..count).map(camera).collect()
     }
+}
+
+/// A protocol's name with the values of the keys that it has in braces.
+fn filled(template: &str, keys: &Table) -> String {
+    let value = |path: &str| {
+        let mut parts = path.split('.');
+        let first = keys.get(parts.next()?);
+        let value = parts.fold(first, |value, part| value?.as_table()?.get(part))?;
+        Some(value.as_str().map_or_else(|| value.to_string(), str::to_owned))
+    };
+    let mut pieces = template.split('{');
+    let first = pieces.next().unwrap_or_default().to_owned();
+    pieces.fold(first, |text, piece| match piece.split_once('}').and_then(|(path, rest)| Some((value(path)?, rest))) {
+        Some((value, rest)) => text + &value + rest,
+        None => text + "{" + piece,
+    })
+}
+
+/// What was set that a protocol's name does not say, unless the name was set: of paths the last part.
+fn changes(template: &str, set: &[(String, String)]) -> String {
+    let is_said = |key: &str| ["seeds", "rounds"].contains(&key) || template.contains(&format!("{{{key}}}"));
+    let told = |(key, value): &(String, String)| {
+        if is_said(key) { String::new() } else { format!(", {key} = {}", last(value.trim_matches('"'))) }
+    };
+    if set.iter().any(|(key, _)| key == "protocol") { String::new() } else { set.iter().map(told).collect() }
+}
+
+/// The last part of a path.
+fn last(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or(path)
 }
 
 /// What lies on the tables, whose voxels must be the planner's.
@@ -418,14 +463,32 @@ mod tests {
     }
 
     #[test]
-    fn the_text_says_who_plans_and_is_read_as_before() {
+    fn the_text_says_who_plans_and_no_key_that_does_nothing() {
         let mut config = Config::read(None, &[]).unwrap();
-        let before = config.text.clone();
+        assert!(config.text.contains("\n# Planner\n") && config.text.contains("quality_min"), "{}", config.text);
+        assert_eq!(config.planned_by, "judge");
         config.tell_planner("me\n[views]");
-        let told = "# Planned by me [views]. Of these settings the gripper alone counts.\n";
-        assert!(before.contains("\n# Planner\n") && config.text.contains(told), "{}", config.text);
-        let settings = |text: &str| text.lines().filter(|line| !line.starts_with('#')).collect::<String>();
-        assert_eq!(settings(&config.text), settings(&before));
+        let (own, plan) = config.text.split_once("\n# Planned by me [views].\n").unwrap();
+        assert_eq!(plan, "gripper = \"parallel_jaw_80\"\n");
+        for (key, counts) in [("plan", false), ("model", false), ("frames", true), ("touching", true)] {
+            assert_eq!(own.lines().any(|line| line.starts_with(&format!("{key} = "))), counts, "{key}: {own}");
+        }
+    }
+
+    /// A number must not carry the name of settings that did not run.
+    #[test]
+    fn the_protocol_is_that_of_the_settings_that_run() {
+        let named = |file: &str, set: &[(&str, &str)]| {
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/experiment").join(file);
+            let set: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+            Config::read(Some(&path), &set).unwrap().keys.protocol
+        };
+        assert_eq!(named("giga-pile.toml", &[]), "GIGA pile, 5 objects, 1 side view, dex noise");
+        let d435 = [("noise.kind", "d435"), ("rounds", "3")];
+        assert_eq!(named("giga-pile.toml", &d435), "GIGA pile, 5 objects, 1 side view, d435 noise");
+        let more = [("objects.count", "7"), ("noise.kind", "\"dex\""), ("plan", "../plan/vgn.toml")];
+        assert_eq!(named("pile.toml", &more), "pile, 7 objects, 6 views, noise.kind = dex, plan = vgn.toml");
+        assert_eq!(named("pile.toml", &[("protocol", "mine {x}"), ("objects.count", "7")]), "mine {x}");
     }
 
     /// A folder that was moved or copied goes on.

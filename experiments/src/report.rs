@@ -20,6 +20,9 @@ pub struct About {
     pub command: String,
     /// The configuration as resolved, TOML.
     pub config: String,
+    /// Who planned; nothing in reports of before this was told.
+    #[serde(default)]
+    pub planner: String,
     /// SHA-256 of the network's weights.
     pub model_id: String,
     /// Versions of what took part, by name.
@@ -63,7 +66,8 @@ pub fn finish(
     folder: &Path,
 ) -> Result<Results, Failure> {
     let versions = [("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into();
-    let about = About { command, config: config.text.clone(), model_id, versions };
+    let (planner, config_text) = (config.planned_by.clone(), config.text.clone());
+    let about = About { command, config: config_text, planner, model_id, versions };
     let report = Report { results: results(&config.keys.protocol, rounds), about };
     write(&folder.join("rounds.parquet"), rounds_table(rounds)?)?;
     write(&folder.join("attempts.parquet"), attempts_table(rounds)?)?;

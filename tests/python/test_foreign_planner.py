@@ -209,6 +209,7 @@ def test_what_another_planner_does_not_heed_is_refused_or_said(tmp_path):
         assert (wanted in said) == (told is not None) and ("warning" in said) == (told is not None), said
         report = json.loads((tmp_path / name / "report.json").read_text())
         assert f"# Planned by {url} for the gripper " in report["about"]["config"]
+        assert "quality_min" not in report["about"]["config"] and report["about"]["planner"].startswith(url)
 
 
 def test_our_own_service_is_a_planner_and_a_run_goes_on(tmp_path):

@@ -96,13 +96,17 @@ fn unanswered(Results { rounds, endings, .. }: &Results) -> Option<String> {
 
 fn described(all: &[Played]) -> Document {
     let count = all.len();
-    let title = if let [one] = all { format!("Experiment {}", one.name) } else { format!("{count} experiments") };
+    let title = match all {
+        [one] if one.report.about.planner.is_empty() => format!("Experiment {}", one.name),
+        [one] => format!("Experiment {}, planned by {}", one.name, one.report.about.planner),
+        _ => format!("{count} experiments"),
+    };
     let heading = |text: &str| Block::Heading(text.to_owned());
     let mut blocks = vec![
         Block::Text(LEAD.to_owned()),
-        Block::Warnings(all.iter().flat_map(warnings).collect()),
         heading("Rates"),
         Block::Table(Table::new(HEAD, all.iter().flat_map(lines))),
+        Block::Warnings(grouped_warnings(all)),
         heading("Why attempts failed"),
         counts(all, |results| &results.outcomes, Outcome::name),
         heading("How rounds ended"),
@@ -112,16 +116,30 @@ fn described(all: &[Played]) -> Document {
     Document { title, blocks, footer: format!("graspmill experiment report, Graspmill {}", env!("CARGO_PKG_VERSION")) }
 }
 
+/// The warnings, each once, with the experiments that it holds for.
+fn grouped_warnings(all: &[Played]) -> Vec<String> {
+    let mut found: Vec<(String, Vec<&str>)> = Vec::new();
+    for one in all {
+        for text in warnings(one) {
+            match found.iter_mut().find(|(other, _)| *other == text) {
+                Some((_, names)) => names.push(&one.name),
+                None => found.push((text, vec![&one.name])),
+            }
+        }
+    }
+    found.into_iter().map(|(text, names)| format!("{}: {text}", names.join("; "))).collect()
+}
+
 /// What would mislead a reader of an experiment's rates.
 fn warnings(one: &Played) -> Vec<String> {
     let Results { rounds, rates, .. } = &one.report.results;
     let mut warnings = Vec::new();
-    let mut warn = |is_so: bool, text: String| warnings.extend(is_so.then(|| format!("{}: {text}", one.name)));
+    let mut warn = |is_so: bool, text: String| warnings.extend(is_so.then_some(text));
     warn(*rounds < ROUNDS_MIN, format!("only {rounds} rounds do not show what is rare: intervals are too narrow."));
     // The bootstrap cannot draw results that were not seen.
     let is_point = rates.all().into_iter().flatten().any(|rate| rate.low >= rate.high);
     warn(is_point, "an interval has no width: all rounds ended alike, which is not certainty.".to_owned());
-    warnings.extend(unanswered(&one.report.results).map(|told| format!("{}: {told}", one.name)));
+    warnings.extend(unanswered(&one.report.results));
     warnings
 }
 
@@ -163,11 +181,12 @@ fn counts<K: Copy + Ord>(all: &[Played], of: fn(&Results) -> &BTreeMap<K, u64>, 
 
 /// What it takes to run an experiment again.
 fn origin(one: &Played) -> [Block; 4] {
-    let About { command, config, model_id, versions } = &one.report.about;
+    let About { command, config, planner, model_id, versions } = &one.report.about;
+    let by = if planner.is_empty() { "Model".to_owned() } else { format!("Planned by {planner}, model") };
     let versions: Vec<String> = versions.iter().map(|(name, version)| format!("{name} {version}")).collect();
     [
         Block::Heading(format!("How it was run: {}", one.name)),
-        Block::Text(format!("Model {model_id}; {}.", versions.join(", "))),
+        Block::Text(format!("{by} {model_id}; {}.", versions.join(", "))),
         Block::Code("sh", command.clone()),
         Block::Code("toml", config.clone()),
     ]
@@ -231,6 +250,7 @@ mod tests {
         let about = About {
             command: "graspmill experiment run configs/experiment/pile.toml".to_owned(),
             config: "seed = 1\nname = \"```\"\n".to_owned(),
+            planner: "judge".to_owned(),
             model_id: "c0ffee".to_owned(),
             versions: versions.map(|(name, version)| (name.to_owned(), version.to_owned())).into(),
         };
@@ -241,11 +261,9 @@ mod tests {
         Played { name: results.protocol.clone(), report: report(results) }
     }
 
-    const EXPECTED: &str = r#"# Experiment pile
+    const EXPECTED: &str = r#"# Experiment pile, planned by judge
 
 LEAD
-
-- pile: only 4 rounds do not show what is rare: intervals are too narrow.
 
 ## Rates
 
@@ -254,6 +272,8 @@ LEAD
 | pile | 4 | 8 | 10 | 6 | 60.0 % (41.2 to 75.0) | 75.0 % (50.0 to 100.0) | 50.0 % (0.0 to 100.0) | 20.5 / 31.5 / 40.0 |
 | – hard | 2 | 4 | 5 | 2 | 50.0 % (25.0 to 75.0) | 75.0 % (50.0 to 100.0) | – | |
 | – easy | 2 | 4 | 5 | 2 | 50.0 % (25.0 to 75.0) | 75.0 % (50.0 to 100.0) | – | |
+
+- pile: only 4 rounds do not show what is rare: intervals are too narrow.
 
 ## Why attempts failed
 
@@ -269,7 +289,7 @@ LEAD
 
 ## How it was run: pile
 
-Model c0ffee; experiments VERSION, rapier3d 0.36.1.
+Planned by judge, model c0ffee; experiments VERSION, rapier3d 0.36.1.
 
 ```sh
 graspmill experiment run configs/experiment/pile.toml
@@ -315,7 +335,7 @@ name = "```"
             keys
         };
         assert_eq!(keys(""), ["about", "results"]);
-        assert_eq!(keys("/about"), ["command", "config", "model_id", "versions"]);
+        assert_eq!(keys("/about"), ["command", "config", "model_id", "planner", "versions"]);
         let wanted = "attempts by_group by_seed endings held objects outcomes plan_ms protocol rates removed rounds";
         assert_eq!(keys("/results").join(" "), wanted);
         assert_eq!(keys("/results/rates"), ["cleared_share", "rounds_cleared_share", "success_rate"]);
@@ -331,16 +351,19 @@ name = "```"
     #[test]
     fn each_reason_to_worry_is_a_warning_and_none_is_invented() {
         let fine = Results { rounds: 30, ..small("pile") };
-        assert_eq!(warnings(&played(fine.clone())), Vec::<String>::new());
+        assert_eq!(grouped_warnings(&[played(fine.clone())]), Vec::<String>::new());
         let point = Rates { success_rate: interval(1.0, 1.0, 1.0), ..fine.rates };
         for (changed, words) in [
             (Results { rounds: 29, ..fine.clone() }, "pile: only 29 rounds"),
             (Results { rates: point, ..fine.clone() }, "has no width"),
             (Results { endings: [(Ending::NoAnswer, 2)].into(), ..fine.clone() }, "2 of 30 rounds ended because"),
         ] {
-            let found = warnings(&played(changed));
+            let found = grouped_warnings(&[played(changed)]);
             assert!(found.len() == 1 && found[0].contains(words), "{words}: {found:?}");
         }
+        let both = ["pile", "packed"].map(|name| played(Results { rounds: 29, ..small(name) }));
+        let found = grouped_warnings(&both);
+        assert!(found.len() == 1 && found[0].starts_with("pile; packed: only 29 rounds"), "{found:?}");
     }
 
     #[test]

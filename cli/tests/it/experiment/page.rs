@@ -55,7 +55,7 @@ fn a_page_has_the_numbers_of_the_report() {
             check_holds(&found, &[&format!(">{name}</th>"), &format!("<td class=\"number\">{count} (")]);
         }
     }
-    check_holds(&found, &["only 4 rounds", "quality_min"]);
+    check_holds(&found, &["only 4 rounds", "quality_min", "pile, 5 objects, 6 views, plan = vgn, planned by vgn</h1>"]);
 }
 
 #[test]
@@ -68,7 +68,10 @@ fn several_are_rows_of_one_page() {
     }
     let [ours, theirs, html] = ["ours", "theirs", "page.html"].map(|name| folder.path().join(name));
     let found = page(&[&ours, &theirs], &html);
-    check_holds(&found, &["2 experiments", ">– seed 5</td>", ": theirs</h2>", "vgn-best", "ours: only 4 rounds"]);
+    check_holds(
+        &found,
+        &["2 experiments", ">– seed 5</td>", ": theirs</h2>", "vgn-best", "ours; theirs: only 4 rounds"],
+    );
     for name in [&ours, &theirs] {
         let report: Value = serde_json::from_str(&fs::read_to_string(name.join("report.json")).unwrap()).unwrap();
         check_holds(&found, &[&rate(&report["results"]["rates"]["success_rate"])]);
