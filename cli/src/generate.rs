@@ -108,7 +108,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let report = generate(&config, out, &wanted, arguments.rejected_max, &stop, &on_event)?;
     bar.finish_and_clear();
-    print(table::render(&report, out, started.elapsed().as_secs_f64()))?;
+    print(table::render(&report, out, info.shard_count, started.elapsed().as_secs_f64()))?;
+    table::few_positives(&report).iter().for_each(|line| print_error(line));
     Ok(match report.dataset {
         _ if report.stopped.is_some() => ExitCode::TryAgain,
         Some(Finalized::Incomplete { .. }) if wanted.len() == info.shard_count as usize => ExitCode::Incomplete,

@@ -7,31 +7,63 @@ use shards::{Counts, Finalized, Location};
 
 use crate::assignment::index_list;
 
+/// The share of positives below which a run warns, and the attempts from which on a share says something.
+const POSITIVE_SHARE_MIN: f64 = 0.05;
+const ATTEMPTS_MIN: u64 = 100;
+
 /// The table at the end of a run: the numbers of the dataset if it is complete, else of this run; then the next step.
-pub(crate) fn render(report: &Report, at: &Location, elapsed_s: f64) -> String {
-    let made = report.made.labels.attempts;
-    let mut text = counted(match &report.dataset {
-        Some(Finalized::Complete(manifest)) => &manifest.totals,
-        _ => &report.made,
-    });
+/// A run that was stopped before it kept anything has only the last lines.
+pub(crate) fn render(report: &Report, at: &Location, shards: u32, elapsed_s: f64) -> String {
+    let (made, is_stopped) = (report.made.labels.attempts, report.stopped.is_some());
+    let mut text = if is_stopped && made == 0 { String::new() } else { counted(counts(report)) };
     if !report.rejected.moving.is_empty() {
         text += &line("moved on", &report.rejected.moved_on());
     }
-    if made > 0 {
+    if made > 0 && !is_stopped {
         let rate = grouped((made as f64 / elapsed_s) as u64);
         text += &line("speed", &format!("{rate} attempts/s ({} in {elapsed_s:.1} s)", grouped(made)));
     }
     let next = match (&report.dataset, &report.stopped) {
         (Some(Finalized::Complete(_)), _) if made == 0 => format!("complete already: {at}"),
         (_, Some(finished)) => format!(
-            "stopped: {} finished scenes of incomplete shards are lost\n\
+            "stopped: {}{} finished scenes of incomplete shards are lost\n\
              next: run the same command again, which continues",
+            kept(report, shards),
             grouped(*finished)
         ),
         (Some(state), None) => next(state, at),
         (None, None) => format!("next, when all shards exist: graspmill dataset finalize {at}"),
     };
     format!("{text}\n{next}\n")
+}
+
+/// What is counted: the dataset if it is complete, else what this run keeps.
+fn counts(report: &Report) -> &Counts {
+    match &report.dataset {
+        Some(Finalized::Complete(manifest)) => &manifest.totals,
+        _ => &report.made,
+    }
+}
+
+/// How many of the dataset's shards are there, if that was looked at.
+fn kept(report: &Report, shards: u32) -> String {
+    let Some(Finalized::Incomplete { missing }) = &report.dataset else { return String::new() };
+    format!("{} of {shards} shards are kept, ", shards as usize - missing.len())
+}
+
+/// A line about a dataset of which a network learns little, if it is one.
+pub(crate) fn few_positives(report: &Report) -> Option<String> {
+    let labels = counts(report).labels;
+    let is_few = labels.attempts >= ATTEMPTS_MIN && labels.positive_share() < POSITIVE_SHARE_MIN;
+    is_few.then(|| {
+        format!(
+            "warning: {} of {} attempts held, {}. Of the samplers, \"mixed\" finds most (configs/generate/household.toml); \
+             spanned_share = 1 leaves out what the gripper cannot span",
+            grouped(labels.positives),
+            grouped(labels.attempts),
+            percent(labels.positive_share())
+        )
+    })
 }
 
 /// The result of `finalize`.

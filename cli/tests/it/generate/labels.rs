@@ -46,6 +46,22 @@ fn a_dataset_of_several_grippers_can_be_executed_again_and_replayed() {
     assert!(told.contains("as stored") && !told.contains("NOT"), "{told}");
 }
 
+/// What the gripper cannot span makes a dataset of which nobody learns, and the table alone does not say so.
+#[test]
+fn few_positives_are_said_at_the_end_and_are_no_error() {
+    let more = small_config().replace("attempts = 70", "attempts = 144");
+    let wide = more.replace("size_m = [0.03, 0.08]", "size_m = [0.1, 0.13]");
+    let shapes = wide.lines().find(|line| line.starts_with("shapes = ")).unwrap();
+    let wide = wide.replace(shapes, "shapes = [\"cuboid\"]");
+    for (text, is_few) in [(wide, true), (more, false)] {
+        let output = run(&workshop(&text), "ds", &[]);
+        check_ok(&output);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(said.contains("of 144 attempts held, "), is_few, "{said}");
+        assert_eq!(said.contains("warning: ") && said.contains("household.toml"), is_few, "{said}");
+    }
+}
+
 #[test]
 fn scenes_hold_positives_and_several_kinds_of_failure() {
     let config = small();

@@ -101,6 +101,10 @@ fn an_interrupted_program_says_what_it_loses_and_goes_on() {
         if ended.status.success() || !text.contains(" finished scenes of incomplete shards are lost") {
             continue;
         }
+        // The table counts what is kept: so many shards of 3,000 attempts.
+        let shards: u64 = text.split("stopped: ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        assert!(text.contains(&format!("stopped: {shards} of 6 shards are kept, ")), "{text}");
+        assert!(shards == 0 || text.starts_with(&format!("attempts            {},000 in ", 3 * shards)), "{text}");
         check_ok(&run(&dir, &out, &[]));
         assert!(files(&dir.path().join("whole")) == files(&dir.path().join(&out)), "the bytes differ");
         return;
