@@ -48,11 +48,17 @@ fn begin(folder: &Path) -> Result<(), Failure> {
 
 /// Writes the pages of these scenes, which ascend, to a new or empty folder, or over pages of an earlier call. A scene
 /// at a time is in memory. Where attempts cannot be executed again, as in datasets of another engine, the pages have no
-/// replays.
+/// replays. `on_page` is called after each scene.
 ///
 /// # Errors
 /// If the folder has files of others, a scene cannot be read, or a file not written.
-pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path, has_replays: bool) -> Result<Replays, Failure> {
+pub fn browse(
+    dataset: &Dataset,
+    scenes: &[u64],
+    folder: &Path,
+    has_replays: bool,
+    on_page: &dyn Fn(),
+) -> Result<Replays, Failure> {
     let files = scenes.iter().map(|scene| scene_file(*scene)).collect();
     let mut lists = Lists::begin(folder, Shelf::Scenes, &FACETS, files)?;
     let mut done = Replays::default();
@@ -69,6 +75,7 @@ pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path, has_replays: boo
             lists.add(id, format!("scene {id}"), &view, listed, replays)?;
             pictures.push(picture(info, &rows, attempts < PICTURED_ATTEMPTS_MAX, true));
             attempts += rows.attempts.len();
+            on_page();
         }
     }
     write(folder, REPORT, &report(dataset)?.page(dataset, Some(scenes))?.html())?;

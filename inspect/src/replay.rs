@@ -125,7 +125,9 @@ fn add(view: &mut View, recording: &Recording, gripper: &Gripper, grasp: &Pose) 
 pub struct Replays {
     /// Why there are no more of them, if something failed.
     pub trouble: Option<Failure>,
-    /// How many end otherwise than stored.
+    /// How many there are.
+    pub count: usize,
+    /// How many of them end otherwise than stored.
     pub others: usize,
 }
 
@@ -137,6 +139,7 @@ impl Replays {
         }
         match make() {
             Ok(replays) => {
+                self.count += replays.len();
                 self.others += replays.iter().filter(|(_, is_reproduced)| !is_reproduced).count();
                 replays.into_iter().map(|(packed, _)| packed).collect()
             }

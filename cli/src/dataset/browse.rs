@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use indicatif::ProgressBar;
 use inspect::{Replays, browse, browse_grasps, grasp_sets, spread};
 use program::{ExitCode, Failure, print, print_error};
 use shards::{Dataset, Location};
 
 use crate::parse::LocationParser;
+use crate::progress::style;
 
 /// Attempts that are shown of a large dataset unless more scenes are asked for: their pages take about 100 MB.
 const ATTEMPTS: u64 = 24_000;
@@ -34,6 +36,10 @@ pub(crate) struct Arguments {
     no_replays: bool,
 }
 
+/// Why grasps of files and attempts end otherwise than stored.
+const ROUNDED: &str = "files round poses, and these are on the verge";
+const CHANGED: &str = "another version made the dataset, or it was changed; graspmill dataset repeat names them";
+
 /// Executes the scenes' attempts again. Where the dataset is of another engine, or attempts end otherwise than stored,
 /// that is said, and the pages of the scenes are made nevertheless.
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
@@ -50,20 +56,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
     let dataset = Dataset::open(&arguments.dataset)?;
     let scenes = chosen(arguments, dataset.info().scene_count, dataset.info().attempt_count)?;
-    told(browse(&dataset, &scenes, &arguments.out, !arguments.no_replays)?, &arguments.out, "attempts")
+    let bar = ProgressBar::new(scenes.len() as u64).with_style(style("scenes"));
+    let done = browse(&dataset, &scenes, &arguments.out, !arguments.no_replays, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    told(&done, &arguments.out, "attempts", CHANGED)
 }
 
 /// The pages of the sets of grasps of these names in a folder.
 pub(crate) fn grasp_pages(folder: &Path, names: &[String], out: &Path, has_replays: bool) -> Result<ExitCode, Failure> {
-    told(browse_grasps(folder, names, out, has_replays)?, out, "grasps")
+    let bar = ProgressBar::new(names.len() as u64).with_style(style("objects"));
+    let done = browse_grasps(folder, names, out, has_replays, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    told(&done, out, "grasps", ROUNDED)
 }
 
-fn told(Replays { trouble, others }: Replays, out: &Path, what: &str) -> Result<ExitCode, Failure> {
+fn told(done: &Replays, out: &Path, what: &str, why: &str) -> Result<ExitCode, Failure> {
     print(format_args!("{}\n", out.join("index.html").display()))?;
-    if others > 0 {
-        print_error(&format!("{others} {what} end otherwise than stored"));
+    if done.others > 0 {
+        let (others, count) = (done.others, done.count);
+        print_error(&format!("{others} of {count} replayed {what} end otherwise than stored: {why}"));
     }
-    let Some(failure) = trouble else { return Ok(ExitCode::Ok) };
+    let Some(failure) = &done.trouble else { return Ok(ExitCode::Ok) };
     print_error(&format!("not all {what} have replays: {failure}"));
     Ok(ExitCode::Partial)
 }

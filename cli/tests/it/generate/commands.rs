@@ -53,4 +53,8 @@ fn attempts_executed_again_end_as_stored_and_a_lie_is_found() {
     assert_eq!(found.status.code(), Some(65), "{found:?}");
     let text = String::from_utf8_lossy(&found.stdout);
     assert!(text.contains("1 end otherwise than stored") && text.contains("stored slipped, now held"), "{text}");
+    let browse = ["dataset", "browse", "lying", "--out", "pages"];
+    let browsed = Command::new(env!("CARGO_BIN_EXE_graspmill")).current_dir(dir.path()).args(browse).output().unwrap();
+    let said = String::from_utf8_lossy(&browsed.stderr);
+    assert!(said.starts_with("1 of 70 replayed attempts end otherwise than stored: another version"), "{said}");
 }
