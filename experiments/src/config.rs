@@ -429,6 +429,17 @@ fn without_paths(keys: &Table) -> Table {
     keys
 }
 
+/// The scenes as a dataset would have them: a catalogue's objects are models.
+pub(crate) fn info_of(scene: &generator::Config, objects: &Objects) -> DatasetInfo {
+    let mut info = scene.dataset_info();
+    if let Objects::Things(groups) = objects {
+        let things = groups.iter().flat_map(|(_, things)| things);
+        let models = things.filter_map(|thing| thing.body.to_model(thing.mass_kg, thing.friction).ok());
+        info.models = models.map(Arc::new).collect();
+    }
+    info
+}
+
 /// Digest of what decides a round, as it is stored: no name in this code is part of it.
 fn digest(mut keys: Table, scene: &generator::Config, plan: &planner::Config, objects: &Objects) -> String {
     // Runs that were begun before there were these keys continue.
@@ -436,13 +447,7 @@ fn digest(mut keys: Table, scene: &generator::Config, plan: &planner::Config, ob
     let is_default =
         |key: &str, value: &toml::Value| defaults.iter().any(|it| it.0 == key && value.as_str() == Some(it.1));
     keys.retain(|key, value| !["seeds", "rounds"].contains(&key) && !is_default(key, value));
-    let mut info = DatasetInfo { code_version: String::new(), ..scene.dataset_info() }; // the journal has the version
-    if let Objects::Things(groups) = objects {
-        // A catalogue's objects are models.
-        let things = groups.iter().flat_map(|(_, things)| things);
-        let models = things.filter_map(|thing| thing.body.to_model(thing.mass_kg, thing.friction).ok());
-        info.models = models.map(Arc::new).collect();
-    }
+    let info = DatasetInfo { code_version: String::new(), ..info_of(scene, objects) }; // the journal has the version
     // Settings are numbers, words and tables of them, which always have a JSON form.
     let [plan, standard] =
         [serde_json::to_string(plan), serde_json::to_string(&JudgeParams::STANDARD)].map(Result::unwrap_or_default);

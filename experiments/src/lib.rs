@@ -3,9 +3,11 @@
 //!
 //! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], dropped or
 //! packed), [`offer`] says what a planner is asked, [`round`] runs one round, [`run`] runs all of them into a
-//! journal, [`statistics`] computes the rates, and [`report`] writes them and [`tables`].
+//! journal, [`statistics`] computes the rates, [`report`] writes them and [`tables`],
+//! and [`failures`] are for replays.
 
 pub mod config;
+pub mod failures;
 mod files;
 mod journal;
 pub mod offer;

@@ -23,6 +23,6 @@ mod view;
 pub use browse::browse;
 pub use grasps::{GivenGrasps, browse_grasps, grasp_columns, grasp_sets, grasps_info, grasps_table, read_grasp_set};
 pub use pictures::spread;
-pub use replay::{Replays, replayed};
+pub use replay::{Replays, failure_page, replayed};
 pub use statistics::{Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use view::scene_view;

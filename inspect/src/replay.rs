@@ -5,7 +5,7 @@ use generator::{AttemptId, GraspReplay, Replay};
 use program::Failure;
 use report::view::{Body, Class, Event, EventKind, Frame, Line, View, flat, flat_points};
 use schema::{Axis, Gripper, Lattice, ObjectGrasps, Pose, SceneRows};
-use shards::Dataset;
+use shards::{Dataset, DatasetInfo};
 
 /// A stored attempt, executed again, and how it is shown.
 ///
@@ -14,15 +14,16 @@ use shards::Dataset;
 pub fn replayed(dataset: &Dataset, id: AttemptId) -> Result<(Replay, View), Failure> {
     let rows = dataset.read_scene(id.scene_id)?;
     let replay = generator::replay(dataset.info(), &rows, id.attempt_id)?;
-    let view = attempt_view(dataset, &rows, &replay);
+    let view = attempt_view(dataset.info(), dataset.id(), &rows, &replay);
     Ok((replay, view))
 }
 
 /// The replays of all attempts of a scene for its page in a folder ([`View::packed`]; `scene` is the page's view), each
 /// with whether it ends as stored.
 pub(crate) fn of_scene(dataset: &Dataset, rows: &SceneRows, scene: &View) -> Result<Vec<(String, bool)>, Failure> {
-    let packed = |replay: Replay| (attempt_view(dataset, rows, &replay).packed(scene), replay.is_reproduced());
-    generator::replays(dataset.info(), rows, &rows.attempts, packed)
+    let (info, id) = (dataset.info(), dataset.id());
+    let packed = |replay: Replay| (attempt_view(info, id, rows, &replay).packed(scene), replay.is_reproduced());
+    generator::replays(info, rows, &rows.attempts, packed)
 }
 
 /// As [`of_scene`], of some grasps of a set for the page of their object.
@@ -33,9 +34,24 @@ pub(crate) fn of_object(set: &ObjectGrasps, numbers: &[u64], object: &View) -> R
     })
 }
 
-fn attempt_view(dataset: &Dataset, rows: &SceneRows, replay: &Replay) -> View {
+/// The page of the attempt of these rows, of which only grasp, outcome and what kind of thing was hit are known.
+///
+/// # Errors
+/// If the settings are not those of this engine.
+pub fn failure_page(info: &DatasetInfo, rows: &SceneRows) -> Result<String, Failure> {
+    let shown = |mut replay: Replay| {
+        replay.stored.width_m = replay.now.width_m;
+        replay.stored.hit_object_id = replay.now.hit.and_then(|hit| hit.object_id).map(|id| id as u32);
+        let mut view = attempt_view(info, "", rows, &replay);
+        view.facts.retain(|fact| ["target", "stored", "now"].contains(&fact.key.as_str()));
+        view.page()
+    };
+    Ok(generator::replays(info, rows, &rows.attempts, shown)?.concat())
+}
+
+fn attempt_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows, replay: &Replay) -> View {
     let Replay { recording, stored, now } = replay;
-    let (info, ending) = (dataset.info(), describe_end(now));
+    let ending = describe_end(now);
     let mut view = View::new(format!("{}/{}: {ending}", stored.scene_id, stored.attempt_id));
     // Table and objects first, as in the scene's view: there they need not be told again.
     view.bodies.push(Body::table(info.grid.size_m, info.grid.table_z_m));
@@ -54,7 +70,7 @@ fn attempt_view(dataset: &Dataset, rows: &SceneRows, replay: &Replay) -> View {
 
     let degrees = |angle_rad: f32| format!("{:.2}°", angle_rad.to_degrees());
     let mm = |length_m: f32| format!("{:.2} mm", length_m * 1000.0);
-    view.fact("dataset", dataset.id().get(..12).unwrap_or_default());
+    view.fact("dataset", dataset_id.get(..12).unwrap_or_default());
     view.fact("target", format!("object {}", stored.object_id));
     view.fact("rule", stored.rule.name());
     view.fact("closes along", stored.closing.map_or("–", Axis::name));

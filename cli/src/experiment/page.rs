@@ -4,17 +4,20 @@
 //! A success rate without its protocol is a rumour: every row says whose numbers it holds.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use experiments::config::Config;
+use experiments::failures::failures;
 use experiments::offer::Plans;
 use experiments::record::{Ending, Round};
 use experiments::report::{About, Report, finish};
 use experiments::run::run;
 use experiments::statistics::{GroupResults, Interval, Percentiles, Rates, Results};
+use inspect::failure_page;
 use program::text::{grouped, percent};
-use program::{Failure, FolderLock, write};
+use program::{Context as _, Failure, FolderLock, write};
 use report::document::{Block, Cell, Document, Table};
 use schema::Outcome;
 
@@ -25,6 +28,8 @@ const HEAD: [&str; 9] =
     ["experiment", "rounds", "objects", "attempts", "held", "GSR (95 %)", "DR (95 %)", "rounds cleared", "ms a plan"];
 /// The page in an experiment's folder.
 pub(crate) const PAGE: &str = "report.html";
+/// Failures that have a page, 50 to 150 kB each, spread over all.
+const REPLAYS_MAX: usize = 24;
 /// Of fewer rounds a bootstrap says little.
 const ROUNDS_MIN: u64 = 30;
 
@@ -71,8 +76,28 @@ pub fn play(
         return Ok(None);
     }
     let results = finish(config, command, planner.id(), &rounds, folder)?;
-    write(&folder.join(PAGE), document(&[folder.to_owned()])?.html())?;
+    let mut page = document(&[folder.to_owned()])?;
+    page.blocks.extend(replays(config, &rounds, folder)?);
+    write(&folder.join(PAGE), page.html())?;
     Ok(Some(in_short(&results)))
+}
+
+/// Grasps that failed, executed again: their pages beside this one, and links to them.
+fn replays(config: &Config, rounds: &[Round], folder: &Path) -> Result<Vec<Block>, Failure> {
+    let (info, failed) = failures(config, rounds, REPLAYS_MAX);
+    if failed.is_empty() {
+        return Ok(Vec::new());
+    }
+    let pages = folder.join("failures");
+    fs::create_dir_all(&pages).context(format_args!("failed to make {}", pages.display()))?;
+    let mut links = Vec::new();
+    for (name, rows) in failed {
+        let file = format!("{name}.html");
+        write(&pages.join(&file), failure_page(&info, &rows)?)?;
+        links.push((name, format!("failures/{file}")));
+    }
+    let text = "Some of the grasps that failed, executed again: round, attempt, and how it ended.";
+    Ok(vec![Block::Heading("Failures".to_owned()), Block::Text(text.to_owned()), Block::Links(links)])
 }
 
 fn in_short(results: &Results) -> String {

@@ -31,6 +31,23 @@ fn check_holds(page: &str, words: &[&str]) {
     }
 }
 
+/// Grasps of primitives are executed again exactly, from what the journal says.
+fn check_replays(out: &Path) {
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    let pages: Vec<_> = fs::read_dir(out.join("failures")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert!((1..=24).contains(&pages.len()) && page.matches("href=\"failures/").count() == pages.len(), "{pages:?}");
+    for path in pages {
+        let replay = fs::read_to_string(&path).unwrap();
+        let json = replay.split("type=\"application/json\">").nth(1).unwrap().split("</script>").next().unwrap();
+        let view: Value = serde_json::from_str(json).unwrap();
+        let facts = view["facts"].as_array().unwrap();
+        let fact = |key: &str| facts.iter().find(|fact| fact["key"] == key).unwrap()["value"].as_str().unwrap();
+        let outcome = path.file_stem().unwrap().to_str().unwrap().splitn(3, '-').nth(2).unwrap().to_owned();
+        assert!(fact("stored") == fact("now") && fact("now").starts_with(&outcome), "{facts:?} {}", path.display());
+        assert!(facts.len() == 3 && !view["frames"].as_array().unwrap().is_empty(), "{facts:?}");
+    }
+}
+
 /// `84.6 % (76.0 to 91.3)` as the page has it.
 fn rate(of: &Value) -> String {
     let [value, low, high] = ["value", "low", "high"].map(|key| 100.0 * of[key].as_f64().unwrap());
@@ -42,6 +59,7 @@ fn a_page_has_the_numbers_of_the_report() {
     let folder = tempfile::tempdir().unwrap();
     play("pile.toml", folder.path(), "out", &["--rounds", "4", "--set", "plan=vgn"]);
     let (out, html) = (folder.path().join("out"), folder.path().join("page.html"));
+    check_replays(&out);
     let found = page(&[&out], &html);
     assert_eq!(found, page(&[&out], &html));
 
