@@ -10,6 +10,8 @@ use crate::assignment::index_list;
 /// The share of positives below which a run warns, and the attempts from which on a share says something.
 const POSITIVE_SHARE_MIN: f64 = 0.05;
 const ATTEMPTS_MIN: u64 = 100;
+const MORE: &str = "Of the samplers, \"mixed\" finds most (configs/generate/household.toml); spanned_share = 1 leaves out \
+                    what the gripper cannot span";
 
 /// The table at the end of a run: the numbers of the dataset if it is complete, else of this run; then the next step.
 /// A run that was stopped before it kept anything has only the last lines.
@@ -55,15 +57,8 @@ fn kept(report: &Report, shards: u32) -> String {
 pub(crate) fn few_positives(report: &Report) -> Option<String> {
     let labels = counts(report).labels;
     let is_few = labels.attempts >= ATTEMPTS_MIN && labels.positive_share() < POSITIVE_SHARE_MIN;
-    is_few.then(|| {
-        format!(
-            "warning: {} of {} attempts held, {}. Of the samplers, \"mixed\" finds most (configs/generate/household.toml); \
-             spanned_share = 1 leaves out what the gripper cannot span",
-            grouped(labels.positives),
-            grouped(labels.attempts),
-            percent(labels.positive_share())
-        )
-    })
+    let ([held, all], share) = ([labels.positives, labels.attempts].map(grouped), percent(labels.positive_share()));
+    is_few.then(|| format!("warning: {held} of {all} attempts held, {share}. {MORE}"))
 }
 
 /// The result of `finalize`.

@@ -271,7 +271,7 @@ impl Config {
         own.into_iter().try_for_each(|(key, value)| document.set(key, value))?;
         let mut keys: Keys = document.read()?;
         let template = std::mem::take(&mut keys.protocol);
-        let protocol = filled(&template, document.table());
+        let protocol = filled(&template, &toml::Value::Table(document.table().clone()));
         keys.protocol = protocol.clone() + &changes(&template, set);
         document.table_mut().insert("protocol".to_owned(), protocol.into());
         let file = |name: &str, built_in: &str| (name != built_in).then(|| document.folder().join(name));
@@ -359,19 +359,14 @@ impl Config {
 }
 
 /// A protocol's name with the values of the keys that it has in braces.
-fn filled(template: &str, keys: &Table) -> String {
-    let value = |path: &str| {
-        let mut parts = path.split('.');
-        let first = keys.get(parts.next()?);
-        let value = parts.fold(first, |value, part| value?.as_table()?.get(part))?;
-        Some(value.as_str().map_or_else(|| value.to_string(), str::to_owned))
-    };
-    let mut pieces = template.split('{');
-    let first = pieces.next().unwrap_or_default().to_owned();
-    pieces.fold(first, |text, piece| match piece.split_once('}').and_then(|(path, rest)| Some((value(path)?, rest))) {
-        Some((value, rest)) => text + &value + rest,
-        None => text + "{" + piece,
-    })
+fn filled(template: &str, keys: &toml::Value) -> String {
+    let found = template.split_once('{').and_then(|(before, rest)| {
+        let (path, after) = rest.split_once('}')?;
+        Some((before, path.split('.').try_fold(keys, |value, part| value.get(part))?, after))
+    });
+    let Some((before, value, after)) = found else { return template.to_owned() };
+    let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    format!("{before}{value}{}", filled(after, keys))
 }
 
 /// What was set that a protocol's name does not say, unless the name was set: of paths the last part.

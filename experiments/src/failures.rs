@@ -2,8 +2,7 @@
 
 use generator::draw_container;
 use schema::{
-    Approach, AttemptRecord, ObjectRecord, ObjectShape, Outcome, Rule, SceneRecord, SceneRejections, SceneRows, Shape,
-    ShapeKind, Solid, Vec3,
+    Approach, AttemptRecord, ObjectRecord, ObjectShape, Outcome, Rule, SceneRecord, SceneRows, Shape, ShapeKind, Solid, Vec3,
 };
 use shards::DatasetInfo;
 
@@ -39,17 +38,8 @@ fn rows_of(config: &Config, info: &DatasetInfo, round: &Round, number: usize) ->
         let AttemptObject { mass_kg, friction, workspace_from_object, .. } = *object;
         Some(ObjectRecord { scene_id, object_id: id as u32, shape, mass_kg, friction, workspace_from_object })
     };
-    let scene = SceneRecord {
-        scene_id,
-        dropped_count: round.object_count,
-        object_count: attempt.object_count,
-        attempt_count: 1,
-        settle_time_s: 0.0,
-        rejections: SceneRejections::default(),
-        views: Vec::new(),
-        tsdf: Vec::new(),
-        container: draw_container(&config.scene.container, round.seed, scene_id),
-    };
+    let container = draw_container(&config.scene.container, round.seed, scene_id);
+    let scene = SceneRecord { scene_id, attempt_count: 1, container, ..SceneRecord::default() };
     let attempt_row = AttemptRecord {
         scene_id,
         attempt_id: number as u32,

@@ -66,8 +66,8 @@ pub fn finish(
     folder: &Path,
 ) -> Result<Results, Failure> {
     let versions = [("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into();
-    let (planner, config_text) = (config.planned_by.clone(), config.text.clone());
-    let about = About { command, config: config_text, planner, model_id, versions };
+    let planner = config.planned_by.clone();
+    let about = About { command, config: config.text.clone(), planner, model_id, versions };
     let report = Report { results: results(&config.keys.protocol, rounds), about };
     write(&folder.join("rounds.parquet"), rounds_table(rounds)?)?;
     write(&folder.join("attempts.parquet"), attempts_table(rounds)?)?;

@@ -14,7 +14,7 @@ pub struct SceneRejections {
 }
 
 /// A row of the `scenes` table.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct SceneRecord {
     /// Number of the scene in the dataset, from 0; unique.
     pub scene_id: u64,

@@ -64,10 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 
 /// The pages of the sets of grasps of these names in a folder.
 pub(crate) fn grasp_pages(folder: &Path, names: &[String], out: &Path, has_replays: bool) -> Result<ExitCode, Failure> {
-    let bar = ProgressBar::new(names.len() as u64).with_style(style("objects"));
-    let done = browse_grasps(folder, names, out, has_replays, &|| bar.inc(1))?;
-    bar.finish_and_clear();
-    told(&done, out, "grasps", ROUNDED)
+    told(&browse_grasps(folder, names, out, has_replays)?, out, "grasps", ROUNDED)
 }
 
 fn told(done: &Replays, out: &Path, what: &str, why: &str) -> Result<ExitCode, Failure> {

@@ -4,7 +4,6 @@
 //! A success rate without its protocol is a rumour: every row says whose numbers it holds.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -17,7 +16,7 @@ use experiments::run::run;
 use experiments::statistics::{GroupResults, Interval, Percentiles, Rates, Results};
 use inspect::failure_page;
 use program::text::{grouped, percent};
-use program::{Context as _, Failure, FolderLock, write};
+use program::{Failure, FolderLock, write};
 use report::document::{Block, Cell, Document, Table};
 use schema::Outcome;
 
@@ -88,13 +87,11 @@ fn replays(config: &Config, rounds: &[Round], folder: &Path) -> Result<Vec<Block
     if failed.is_empty() {
         return Ok(Vec::new());
     }
-    let pages = folder.join("failures");
-    fs::create_dir_all(&pages).context(format_args!("failed to make {}", pages.display()))?;
     let mut links = Vec::new();
     for (name, rows) in failed {
-        let file = format!("{name}.html");
-        write(&pages.join(&file), failure_page(&info, &rows)?)?;
-        links.push((name, format!("failures/{file}")));
+        let file = format!("failure-{name}.html");
+        write(&folder.join(&file), failure_page(&info, &rows)?)?;
+        links.push((name, file));
     }
     let text = "Some of the grasps that failed, executed again: round, attempt, and how it ended.";
     Ok(vec![Block::Heading("Failures".to_owned()), Block::Text(text.to_owned()), Block::Links(links)])
@@ -143,16 +140,12 @@ fn described(all: &[Played]) -> Document {
 
 /// The warnings, each once, with the experiments that it holds for.
 fn grouped_warnings(all: &[Played]) -> Vec<String> {
-    let mut found: Vec<(String, Vec<&str>)> = Vec::new();
-    for one in all {
-        for text in warnings(one) {
-            match found.iter_mut().find(|(other, _)| *other == text) {
-                Some((_, names)) => names.push(&one.name),
-                None => found.push((text, vec![&one.name])),
-            }
-        }
-    }
-    found.into_iter().map(|(text, names)| format!("{}: {text}", names.join("; "))).collect()
+    let texts: BTreeSet<String> = all.iter().flat_map(warnings).collect();
+    let named = |text: String| {
+        let names = all.iter().filter(|one| warnings(one).contains(&text)).map(|one| one.name.as_str());
+        format!("{}: {text}", names.collect::<Vec<_>>().join("; "))
+    };
+    texts.into_iter().map(named).collect()
 }
 
 /// What would mislead a reader of an experiment's rates.

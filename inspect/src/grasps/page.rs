@@ -40,17 +40,11 @@ fn values(grasp: &ObjectGrasp) -> [String; FACETS.len()] {
 }
 
 /// Writes the pages of the sets of these names in a folder, in order, as [`crate::browse`] does for scenes. A set at a
-/// time is in memory. `on_page` is called after each set.
+/// time is in memory.
 ///
 /// # Errors
 /// If `out` has files of others, a set cannot be read, or a file not written.
-pub fn browse_grasps(
-    folder: &Path,
-    names: &[String],
-    out: &Path,
-    has_replays: bool,
-    on_page: &dyn Fn(),
-) -> Result<Replays, Failure> {
+pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: bool) -> Result<Replays, Failure> {
     let files = names.iter().map(|name| object_file(name)).collect();
     let mut lists = Lists::begin(out, Shelf::Objects, &FACETS, files)?;
     let mut done = Replays::default();
@@ -70,7 +64,6 @@ pub fn browse_grasps(
         lists.add(at as u64, name.clone(), &view, numbers.iter().map(listed).collect(), replays)?;
         pictures.push(picture(&set, name));
         (shown, all) = (shown + numbers.len(), all + set.grasps.len());
-        on_page();
     }
     let facets = lists.finish()?;
     let objects = grasp_sets(folder)?.len();

@@ -34,15 +34,16 @@ fn check_holds(page: &str, words: &[&str]) {
 /// Grasps of primitives are executed again exactly, from what the journal says.
 fn check_replays(out: &Path) {
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    let pages: Vec<_> = fs::read_dir(out.join("failures")).unwrap().map(|entry| entry.unwrap().path()).collect();
-    assert!((1..=24).contains(&pages.len()) && page.matches("href=\"failures/").count() == pages.len(), "{pages:?}");
+    let paths = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path());
+    let pages: Vec<_> = paths.filter(|path| path.to_str().unwrap().contains("/failure-")).collect();
+    assert!((1..=24).contains(&pages.len()) && page.matches("href=\"failure-").count() == pages.len(), "{pages:?}");
     for path in pages {
         let replay = fs::read_to_string(&path).unwrap();
         let json = replay.split("type=\"application/json\">").nth(1).unwrap().split("</script>").next().unwrap();
         let view: Value = serde_json::from_str(json).unwrap();
         let facts = view["facts"].as_array().unwrap();
         let fact = |key: &str| facts.iter().find(|fact| fact["key"] == key).unwrap()["value"].as_str().unwrap();
-        let outcome = path.file_stem().unwrap().to_str().unwrap().splitn(3, '-').nth(2).unwrap().to_owned();
+        let outcome = path.file_stem().unwrap().to_str().unwrap().splitn(4, '-').nth(3).unwrap().to_owned();
         assert!(fact("stored") == fact("now") && fact("now").starts_with(&outcome), "{facts:?} {}", path.display());
         assert!(facts.len() == 3 && !view["frames"].as_array().unwrap().is_empty(), "{facts:?}");
     }
