@@ -2,7 +2,8 @@
 
 use generator::draw_container;
 use schema::{
-    Approach, AttemptRecord, ObjectRecord, ObjectShape, Outcome, Rule, SceneRecord, SceneRows, Shape, ShapeKind, Solid, Vec3,
+    Approach, AttemptRecord, ObjectRecord, ObjectShape, Outcome, Rule, SceneRecord, SceneRows, Shape, ShapeKind, Solid,
+    Vec3,
 };
 use shards::DatasetInfo;
 
