@@ -49,7 +49,7 @@ def option(args, flag):
 
 @functools.cache
 def flags_of(*words):
-    return set(re.findall(r"--[a-z][a-z-]*", run("generator", *words, "--help").stdout))
+    return set(re.findall(r"--[a-z][a-z-]*", run("graspmill", *words, "--help").stdout))
 
 
 def wrong(rules):
@@ -106,15 +106,15 @@ def program_problems(job):
     rules, args, sizes = job["spec"]["podFailurePolicy"]["rules"], container(job)["args"], container(job)["resources"]
     ended = {value for rule in rules for value in rule.get("onExitCodes", {}).get("values", [])}
     indexes = [rule["onExitCodes"]["values"] for rule in rules if rule.get("action") == "FailIndex"]
-    is_making, pods, task = args[0].startswith("-"), job["spec"].get("completions"), option(args, "--task")
+    is_making, pods, task = args[0] == "generate", job["spec"].get("completions"), option(args, "--task")
     shards = task == f"$(JOB_COMPLETION_INDEX)/{pods}" if task else "--shard-index" in args or option(args, "--shards") == str(pods)
     return wrong({
         "exit codes that end a shard or the Job": ended == NEVER_AGAIN | ({CODES["Incomplete"]} if "finalize" in args else set()),
         "FailIndex must be for damage alone": indexes == ([[CODES["Data"]]] if job["spec"].get("completionMode") == "Indexed" else []),
         "shards must be on one kind of processor": pod(job).get("nodeSelector") == {"kubernetes.io/arch": "amd64"},
         "requests and limits": {"cpu", "memory"} <= sizes.get("requests", {}).keys() and "memory" in sizes.get("limits", {}),
-        "command must be generator": container(job).get("command") == ["generator"],
-        "flags": {word for word in args if word.startswith("--")} <= flags_of(*([] if is_making else args[:1])),
+        "command must be graspmill": container(job).get("command") == ["graspmill"],
+        "flags": {word for word in args if word.startswith("--")} <= flags_of(*args[: 1 if is_making else 2]),
         "--threads must be the cores": not is_making or option(args, "--threads") == sizes["requests"].get("cpu"),
         "--shards, --task must be completions": not is_making or shards,
     })  # fmt: skip
@@ -152,8 +152,8 @@ def test_broken_manifests_are_refused():
         (f"{POD}.securityContext.runAsUser", 0, "not root"),
         (f"{BOX}.env.1.value", "/tmp", "TMPDIR"),
         (f"{BOX}.image", "registry.example:5000/graspmill", "fixed tag"),
-        (f"{BOX}.args.0", "--shard", "flags"),
-        (f"{BOX}.args.3", "8", "--threads must be"),
+        (f"{BOX}.args.1", "--shard", "flags"),
+        (f"{BOX}.args.4", "8", "--threads must be"),
         ("spec.completions", 63, "--shards, --task must be completions"),
     ]:
         found = problems(changed(JOBS["kubernetes.yaml"], path, value), VERSIONS[:1])
@@ -169,7 +169,7 @@ def test_a_pod_may_make_several_shards():
 def test_the_finaliser_runs_where_the_shards_are_made():
     make, complete = (copy.deepcopy(job) for job in JOBS.values())
     assert option(container(make)["args"], "--out") == container(complete)["args"][-1]
-    assert container(complete)["args"][0] == "finalize"
+    assert container(complete)["args"][:2] == ["dataset", "finalize"]
     for job in (make, complete):
         del container(job)["args"], container(job)["resources"]
     assert pod(make) == pod(complete)
@@ -197,9 +197,9 @@ def test_a_pod_makes_its_shard_and_one_that_is_set_up_wrongly_ends_the_job(tmp_p
     args = list(container(JOBS["kubernetes.yaml"])["args"])
     args[args.index("--shards") + 1], args[args.index("--out") + 1] = "2", str(tmp_path / "out")
     for index, more, codes in ((0, [], [CODES["Ok"]]), (2, [], fatal), (0, ["--sharts"], fatal)):
-        ended = run("generator", *args, "--attempts", 120, *more, env={"JOB_COMPLETION_INDEX": str(index)})
+        ended = run("graspmill", *args, "--attempts", 120, *more, env={"JOB_COMPLETION_INDEX": str(index)})
         assert ended.returncode in codes, ended.stderr
-    assert run("generator", "missing", tmp_path / "out").stdout.strip() == "1"
+    assert run("graspmill", "dataset", "missing", tmp_path / "out").stdout.strip() == "1"
 
 
 # The image.
@@ -282,8 +282,8 @@ def batch_problems(definition):
     actions = {int(rule["onExitCode"]): rule["action"] for rule in strategy["evaluateOnExit"]}
     references = {word.removeprefix("Ref::") for word in command if word.startswith("Ref::")}
     return wrong({
-        "the command must be generator": command[0] == "generator",
-        "flags": {word for word in command if word.startswith("--")} <= flags_of(),
+        "the command must be graspmill generate": command[:2] == ["graspmill", "generate"],
+        "flags": {word for word in command if word.startswith("--")} <= flags_of("generate"),
         "parameters": references == definition["parameters"].keys(),
         "retryStrategy": actions == {CODES["TryAgain"]: "RETRY", **dict.fromkeys(NEVER_AGAIN | {CODES["Incomplete"]}, "EXIT")}
         and len(strategy["evaluateOnExit"]) <= 5 and 2 <= strategy["attempts"] <= 10,
@@ -296,7 +296,7 @@ def test_the_batch_job_is_right_and_a_broken_one_is_refused():
     for path, value, text in [
         ("retryStrategy.evaluateOnExit.1.onExitCode", "66", "retryStrategy"),
         ("retryStrategy.attempts", 11, "retryStrategy"),
-        ("containerProperties.command.1", "--shard", "flags"),
+        ("containerProperties.command.2", "--shard", "flags"),
         ("parameters.out", ..., "parameters"),
     ]:
         assert text in batch_problems(changed(definition, path, value)), path

@@ -51,7 +51,7 @@ def missing(out, *more):
 def generate(cluster, out, array, shards, *size, **more):
     """Submits the script as a user does, but for the little that these nodes have."""
     script = ["--cpus-per-task=1", f"--array={array}", SCRIPTS / "generate.sbatch", *size]
-    settings = {"OUT": out, "SHARDS": shards, "CONFIG": DEMO, "GENERATOR": PROGRAMS / "generator", **more}
+    settings = {"OUT": out, "SHARDS": shards, "CONFIG": DEMO, "GRASPMILL": PROGRAMS / "graspmill", **more}
     return cluster.submit(*script, cwd=out.parent, **settings)
 
 
@@ -135,7 +135,7 @@ class Chaos:
         return True
 
     def tasks(self, node):
-        return self.cluster.processes("generator", SLURMD_NODENAME=node)
+        return self.cluster.processes("graspmill", SLURMD_NODENAME=node)
 
     def heal(self, now):
         """Whether all nodes are back. A node returns when its old tasks have ended, because Slurm would end them."""
@@ -198,11 +198,11 @@ def test_few_tasks_make_many_shards(calm, tmp_path):
     assert_same(out, tmp_path / "at_once")
 
 
-def test_a_generator_that_the_nodes_do_not_have_is_named(calm, tmp_path):
-    job = generate(calm, tmp_path / "grasps", 0, 1, GENERATOR="no-such-generator")
+def test_a_program_that_the_nodes_do_not_have_is_named(calm, tmp_path):
+    job = generate(calm, tmp_path / "grasps", 0, 1, GRASPMILL="no-such-program")
     calm.wait(job, seconds=60)
     assert set(calm.states(job).values()) == {"FAILED"}
-    assert "error: no-such-generator is no program on node" in log_of(tmp_path, job)
+    assert "error: no-such-program is no program on node" in log_of(tmp_path, job)
 
 
 def warn(cluster, job):
@@ -231,7 +231,7 @@ def preempt(cluster, _):
 
 def interrupt(cluster, job, how):
     """Suspends the trainer until the stop signal, so that a fast trainer cannot end earlier."""
-    (trainer,) = cluster.processes("trainer")
+    (trainer,) = cluster.processes("graspmill")
     slurm.send(trainer, signal.SIGSTOP)
     how(cluster, job)
     cluster.until(lambda: is_told(trainer), PROGRAM_S, "no signal to stop reached the trainer")
@@ -252,7 +252,7 @@ def test_training_goes_on_after_requeue_preemption_and_time_limit(training, tmp_
     made, undisturbed, cluster = tmp_path / "run", tmp_path / "undisturbed", training
     ways = [preempt, warn] if factor == 1 else [requeue, preempt, warn]
     count, epochs = len(ways), 2 * len(ways)
-    job = train(cluster, tmp_path, "--epochs", epochs, TRAINER=PROGRAMS / "trainer")
+    job = train(cluster, tmp_path, "--epochs", epochs, GRASPMILL=PROGRAMS / "graspmill")
     for start, how in enumerate(ways, 1):
         done = len(metrics(made))
         cluster.until(lambda: len(metrics(made)) > done, PROGRAM_S, f"start {start} makes no epoch")
@@ -279,9 +279,9 @@ wait
 
 def test_training_is_not_started_for_ever(training, tmp_path):
     trainer = executable(tmp_path / "stub", STUB)
-    damaged = train(training, tmp_path, TRAINER=trainer, CODE=65)
-    in_trouble = train(training, tmp_path, TRAINER=trainer, CODE=75, RESTARTS_MAX=1)
-    cancelled = train(training, tmp_path, TRAINER=trainer, CODE="")
+    damaged = train(training, tmp_path, GRASPMILL=trainer, CODE=65)
+    in_trouble = train(training, tmp_path, GRASPMILL=trainer, CODE=75, RESTARTS_MAX=1)
+    cancelled = train(training, tmp_path, GRASPMILL=trainer, CODE="")
     training.until(lambda: "waiting" in log_of(tmp_path, cancelled), PROGRAM_S, "no trainer")
     training.call("scancel", cancelled)
     expected = {damaged: (1, "FAILED"), in_trouble: (2, "FAILED"), cancelled: (1, "CANCELLED")}
