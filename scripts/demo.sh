@@ -18,16 +18,16 @@ bin=${CARGO_TARGET_DIR:-target}/release
 start=$SECONDS
 
 say "2/6 generating 2,400 grasp attempts in 40 scenes"
-"$bin/generator" --config configs/generate/demo.toml --out "$data"
+"$bin/graspmill" generate --config configs/generate/demo.toml --out "$data"
 
 say "3/6 verifying every byte and row"
 "$bin/graspmill" dataset verify "$data"
 
 say "4/6 training"
-"$bin/trainer" fit --data "$data" --config configs/train/quick.toml --run "$run" --resume
+"$bin/graspmill" fit --data "$data" --config configs/train/quick.toml --run "$run" --resume
 
 say "5/6 evaluating the best checkpoint on attempts that it has not seen"
-"$bin/trainer" evaluate --data "$data" --run "$run" --checkpoint best
+"$bin/graspmill" evaluate --data "$data" --run "$run" --checkpoint best
 
 say "6/6 pages, and a plan by the built-in judge of images that come with it"
 "$bin/graspmill" dataset browse "$data" --out "$folder/pages"
@@ -40,5 +40,5 @@ a plan from depth images      $folder/plan.html
 the training's curves         $run/accuracy.svg
 the dataset's card            $data/README.md      (DuckDB, polars, pyarrow and datasets open it: docs/reading.md)
 
-next: docs/tutorial.md; the paper's 200,000 attempts: $bin/generator --shards 64 --out data/grasps
+next: docs/tutorial.md; the paper's 200,000 attempts: $bin/graspmill generate --shards 64 --out data/grasps
 END
