@@ -10,8 +10,8 @@ use crate::assignment::index_list;
 /// The share of positives below which a run warns, and the attempts from which on a share says something.
 const POSITIVE_SHARE_MIN: f64 = 0.05;
 const ATTEMPTS_MIN: u64 = 100;
-const MORE: &str = "Of the samplers, \"mixed\" finds most (configs/generate/household.toml); spanned_share = 1 leaves out \
-                    what the gripper cannot span";
+const MORE: &str = "Of the samplers, \"mixed\" finds most (configs/generate/household.toml); spanned_share = 1 leaves \
+                    out what the gripper cannot span";
 
 /// The table at the end of a run: the numbers of the dataset if it is complete, else of this run; then the next step.
 /// A run that was stopped before it kept anything has only the last lines.

@@ -125,8 +125,8 @@ settings! {
     /// What an experiment's file holds.
     #[derive(Debug, Clone)]
     pub struct Keys {
-        /// The protocol's name; every number carries it. Keys in braces stand for their values, and what `--set` changes
-        /// besides is added.
+        /// The protocol's name; every number carries it. Keys in braces stand for their values; what is set besides is
+        /// added.
         pub protocol: String,
         /// Seeds of the scenes; each has all rounds.
         pub seeds: Vec<u64>,

@@ -275,7 +275,7 @@ impl Import<'_> {
                 let most_m = config.grid.size_m.min(2.0 * config.objects.drop_height_m);
                 let got_m = 2.0 * body.bounding_radius_m();
                 Err(unusable(format!(
-                    "it must be at most {most_m} m long to be dropped in the scenes of --config, got {got_m:.3} m: {file}"
+                    "it must be at most {most_m} m long for the scenes of --config, got {got_m:.3} m: {file}"
                 )))
             }
             _ => Ok((object, text)),

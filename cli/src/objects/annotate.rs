@@ -285,7 +285,7 @@ fn earlier(out: &Path, name: &str, settings: &Value) -> Result<Option<Value>, Fa
     Ok(None)
 }
 
-/// Refuses grasps of a mesh by other parameters before it is cut, which may take minutes; [`earlier`] compares the rest.
+/// Refuses other parameters for a mesh before it is cut, which may take minutes; [`earlier`] compares the rest.
 fn check_params(out: &Path, name: &str, params: &AnnotateParams) -> Result<(), Failure> {
     let [about, _] = files(out, name);
     let info: Value = serde_json::from_slice(&own_bytes(&about, BYTES_MAX[0])?).unwrap_or_default();

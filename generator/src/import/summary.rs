@@ -122,7 +122,7 @@ pub(super) fn scene_warnings(object: &ImportedObject, config: &Config, measured:
     let side_m = config.grid.size_m;
     if drops == 0 && measured.extents_m.length() > f64::from(side_m) {
         warnings.push(format!(
-            "its bounding box's diagonal is longer than the workspace's side, {side_m} m: test drops would show whether it fits"
+            "its bounding box's diagonal is longer than the workspace's side, {side_m} m: does it fit? --drops tells"
         ));
     }
     if let Some(rested) = object.rested.filter(|rested| *rested < drops) {
