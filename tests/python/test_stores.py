@@ -15,7 +15,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from programs import DATASET, QUICK, ROOT, files, metrics, program, run
+from programs import DATASET, QUICK, ROOT, files, metrics, program, ran, run
 from pyarrow import fs
 from slurm import is_taken
 
@@ -154,6 +154,18 @@ def test_what_is_generated_into_it_is_what_a_folder_gets(port):
     assert f"complete already: {url}" in generate(url, env).stdout
     assert "seed" in generate(url, env, "--seed", 99, code=78).stderr
     assert objects(port, "grasps/made") == files(DATASET)
+
+
+@pytest.mark.parametrize("has_store", [True, False])
+def test_two_workers_on_one_machine_and_one_is_killed(port, tmp_path, has_store):
+    """scripts/cluster/trial.sh, with a store of its own and with a folder."""
+    path = f"{ROOT}/.venv/bin:{os.environ['PATH']}" if has_store else "/usr/bin:/bin"
+    env = environment(port, PATH=path, GRASPMILL=program("graspmill"), PORT=str(free_port()))
+    said = ran(ROOT / "scripts/cluster/trial.sh", tmp_path, env=env, timeout=FAIL_S).stdout
+    assert f"complete: {'s3://trial' if has_store else tmp_path}/grasps" in said and said.endswith("read and checked\nok\n")
+    if not has_store:
+        run("generator", "--config", RECIPE[1], "--shards", 8, "--out", tmp_path / "at_once", code=0)
+        assert files(tmp_path / "grasps") == files(tmp_path / "at_once")
 
 
 def test_writers_at_once_do_no_harm(port):
