@@ -18,7 +18,7 @@ use schema::{
     GraspSource, Gripper, GripperBox, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream,
     Vec3,
 };
-use simulator::{Execution, FloatingWorld, Grip, Load, Motion};
+use simulator::{Ending, Execution, FloatingWorld, Grip, Load, Motion};
 
 use self::bearing::{HOLD, hold, loads, pull, sides};
 pub use self::bearing::{PHYSICS, PROCEDURE};
@@ -38,6 +38,8 @@ const COVERAGE_NUMBERS: u64 = 2_000;
 const COVERED_M: f32 = 0.01;
 /// Pulls between which the strongest is looked for, in g.
 const TUG_G: [f32; 2] = [0.125, 64.0];
+/// Repeats of a grasp that holds are put to so many of the test's loads.
+const HARDEST: usize = 2;
 /// Halvings that find the strongest pull, within 3 %, and the smallest share of the friction, within a 256th.
 const HALVINGS: u32 = 8;
 
@@ -147,6 +149,7 @@ impl<'a> Bench<'a> {
     /// A grasp with everything that is asked about it.
     fn labelled(&self, number: u64, pose: Pose, source: GraspSource) -> ObjectGrasp {
         let (closed, pushed_m) = self.close(&self.world, &pose);
+        let mut order: Vec<usize> = (0..self.loads.len()).collect();
         let mut grasp = ObjectGrasp {
             object_from_grasp: self.given(&pose),
             source,
@@ -165,7 +168,8 @@ impl<'a> Bench<'a> {
         match &closed {
             Err(execution) => (grasp.outcome, grasp.width_m) = (execution.outcome, execution.width_m),
             Ok(grip) => {
-                let (is_held, test) = self.bears(grip);
+                let (is_held, test);
+                (is_held, test, order) = self.bears(grip, &order);
                 let contacts_m = grip.contacts_m();
                 grasp.width_m = Some(grip.width_m());
                 grasp.normals = contacts_m.map(|at_m| Some(self.surface.normal_at(at_m?)));
@@ -179,7 +183,9 @@ impl<'a> Bench<'a> {
         }
         let is_held = grasp.outcome == Outcome::Held;
         if is_held || !self.params.is_held_only {
-            grasp.p_held = self.p_held(number, &pose, is_held);
+            // What holds is lost, if at all, under the loads that move it most.
+            let hardest = if is_held { order.get(..HARDEST).unwrap_or(&order) } else { &order };
+            grasp.p_held = self.p_held(number, &pose, is_held, hardest);
         }
         grasp.is_free_on_table = self.stable.iter().map(|stable| self.is_free(stable, &pose)).collect();
         grasp
@@ -200,18 +206,24 @@ impl<'a> Bench<'a> {
         Pose::from_parts(object_from_grasp.translation + self.annotated.origin_m, object_from_grasp.rotation)
     }
 
-    /// Whether a grip bears all loads, and the largest motion.
-    fn bears(&self, grip: &Grip<'_>) -> (bool, Motion) {
-        let mut most = Motion::default();
-        for load in &self.loads {
-            let ending = grip.bear(load, &hold(self.params.test), 1.0);
-            most.moved_m = most.moved_m.max(ending.motion.moved_m);
-            most.turned_rad = most.turned_rad.max(ending.motion.turned_rad);
-            if !ending.is_held {
-                return (false, most);
+    /// Whether a grip bears loads, which are tried in this order; the largest motion; and the loads again, those first
+    /// that came nearest to losing the object.
+    fn bears(&self, grip: &Grip<'_>, order: &[usize]) -> (bool, Motion, Vec<usize>) {
+        let (mut most, mut is_held, hold) = (Motion::default(), true, hold(self.params.test));
+        let mut shares: Vec<(f32, usize)> = Vec::with_capacity(order.len());
+        for number in order {
+            let mut share = 0.0;
+            if is_held {
+                let Ending { motion, is_held: holds } = grip.bear(&self.loads[*number], &hold, 1.0);
+                most.moved_m = most.moved_m.max(motion.moved_m);
+                most.turned_rad = most.turned_rad.max(motion.turned_rad);
+                share = (motion.moved_m / hold.moved_m_max).max(motion.turned_rad / hold.turned_rad_max);
+                (is_held, share) = (holds, if holds { share } else { f32::INFINITY });
             }
+            shares.push((share, *number));
         }
-        (true, most)
+        shares.sort_by(|a, b| b.0.total_cmp(&a.0));
+        (is_held, most, shares.into_iter().map(|(_, number)| number).collect())
     }
 
     fn margins(&self, grip: &Grip<'_>) -> Margins {
@@ -247,11 +259,11 @@ impl<'a> Bench<'a> {
 
     /// The share of a grasp's repeats that hold. Few are made where all end as the grasp did: most hold whatever the
     /// errors, or never do.
-    fn p_held(&self, number: u64, pose: &Pose, is_held: bool) -> Option<f32> {
+    fn p_held(&self, number: u64, pose: &Pose, is_held: bool, loads: &[usize]) -> Option<f32> {
         let AnnotateParams { repeats, repeats_min, .. } = *self.params;
         let (mut made, mut others) = (0, 0);
         while made < repeats && (made < repeats_min || others > 0) {
-            others += u32::from(self.holds_again(number, pose, made) != is_held);
+            others += u32::from(self.holds_again(number, pose, made, loads) != is_held);
             made += 1;
         }
         let held = if is_held { made - others } else { others };
@@ -260,13 +272,13 @@ impl<'a> Bench<'a> {
 
     /// Whether a repeat of a grasp holds. The pose errs in each second one as far to the other side: few repeats say
     /// more so.
-    fn holds_again(&self, number: u64, pose: &Pose, repeat: u32) -> bool {
+    fn holds_again(&self, number: u64, pose: &Pose, repeat: u32, loads: &[usize]) -> bool {
         let AnnotateParams { position_error_m, rotation_error_rad, seed, .. } = *self.params;
         let mut stream = Stream::new(seed, number, Purpose::Annotation, 2 + repeat / 2);
         let side = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
         let moved = moved_by_errors(pose, side * position_error_m, side * rotation_error_rad, &mut stream);
         let world = &self.repeated[repeat as usize % self.repeated.len()];
-        self.close(world, &moved).0.is_ok_and(|grip| self.bears(&grip).0)
+        self.close(world, &moved).0.is_ok_and(|grip| self.bears(&grip, loads).0)
     }
 
     /// Whether the gripper stays off the table on its way to a grasp.

@@ -21,9 +21,10 @@ const CLEARANCE_M_MAX: f32 = 0.02;
 const FAR_M: f32 = 1e3;
 /// A pull comes up to its strength in this time, so that it is no blow.
 const RISE_S: f32 = 0.025;
-/// An object is at rest in the gripper if it moves no faster than this, in m/s and rad/s, for [`REST_TIME_S`].
-const REST: [f32; 2] = [0.001, 0.02];
+/// An object is at rest in the gripper if for so long it moves no faster than [`Hold::slow`] says.
 const REST_TIME_S: f32 = 0.025;
+/// However far it may go: what starts to tip gets faster and faster. In m/s and rad/s.
+const SLOW_MAX: [f32; 2] = [0.004, 0.08];
 
 /// An object that floats at the origin of its own frame, made ready for grasps.
 pub struct FloatingWorld<'a> {
@@ -307,7 +308,7 @@ impl Grip<'_> {
         // What is light may leave a finger for a moment.
         let (mut since_gripped, mut resting) = (0, 0);
         // What got more inertia than its own comes into motion as much more slowly.
-        let slow = REST.map(|speed| speed * stepper.weight_share(0).sqrt());
+        let slow = hold.slow(load.time_s()).map(|speed| speed * stepper.weight_share(0).sqrt());
         let (mut motion, mut quarters) = (Motion::default(), [Motion::default(); 3]);
         let steps = physics.steps(load.time_s());
         for step in 0..steps {
@@ -347,6 +348,15 @@ impl Grip<'_> {
         let falls =
             is_moving && (falls(|m| m.moved_m, hold.moved_m_max) || falls(|m| m.turned_rad, hold.turned_rad_max));
         Ending { is_held: !falls && since_gripped <= rest_steps, motion }
+    }
+}
+
+impl Hold {
+    /// What gains no more speed than this in [`REST_TIME_S`], in m/s and rad/s, comes half as far in a load of `time_s`
+    /// as it may if it goes on to gain as much: the load need not be played to its end.
+    fn slow(&self, time_s: f32) -> [f32; 2] {
+        let [moving, turning] = [self.moved_m_max, self.turned_rad_max].map(|most| most * REST_TIME_S / (time_s * time_s));
+        [moving.min(SLOW_MAX[0]), turning.min(SLOW_MAX[1])]
     }
 }
 
