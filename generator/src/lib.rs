@@ -13,8 +13,6 @@ mod config;
 mod containers;
 mod dataset_info;
 mod depth_images;
-#[cfg(any(test, fuzzing))]
-pub mod fuzzing;
 mod import;
 mod measured;
 mod mesh;
@@ -30,6 +28,8 @@ mod repeat;
 mod replay;
 mod robustness;
 mod run;
+#[cfg(any(test, fuzzing))]
+mod tests;
 
 pub use annotate::{
     AnnotateParams, Annotated, GraspReplay, GraspShares, PHYSICS, PROCEDURE, annotate, grasp_replays, relabel,
@@ -48,3 +48,5 @@ pub use policy::Policy;
 pub use repeat::{Difference, Repeated, repeat};
 pub use replay::{AttemptId, Replay, replay, replays};
 pub use run::{Event, LOOK_SHARDS_MAX, REJECTED_SHARE_MAX, Rejected, Report, attempts_of, generate};
+#[cfg(any(test, fuzzing))]
+pub use tests::fuzzing;
