@@ -34,7 +34,7 @@ Examples:
   graspmill dataset verify grasps               read and check everything
   graspmill dataset report grasps               statistics with bars
   graspmill dataset report grasps --json        the same for programs
-  graspmill dataset report grasps --html r.html the same as a page, with pictures of scenes
+  graspmill dataset report grasps --html r.html the same as a page
   graspmill dataset browse grasps --out pages   scenes, replays and the report as pages that lead to each other
   graspmill dataset browse mugs --out pages     objects of objects annotate with their grasps, as such pages
   graspmill dataset replay grasps --attempt 7/12 --out attempt.html    one attempt, for a browser

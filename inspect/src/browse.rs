@@ -7,7 +7,7 @@ use std::path::Path;
 
 use program::text::grouped;
 use program::{Context, ExitCode, Failure};
-use report::document::{Block, Document, Picture};
+use report::document::{Block, Card, Document};
 use report::view::View;
 use report::view::folder::{
     Facet, INDEX, LISTING, ListedAttempt, ListedScene, Listing, Place, REPORT, Shelf, is_page, scene_file, shared_files,
@@ -15,14 +15,10 @@ use report::view::folder::{
 use schema::{AttemptRecord, Outcome, SceneRows, Vec3};
 use shards::Dataset;
 
-use crate::pictures::picture;
 use crate::replay::{Replays, of_scene};
 use crate::statistics::report;
 use crate::view::scene_view;
 
-/// Scenes of up to this many attempts together have pictures on the first page, those after them words alone: a picture
-/// has a quarter of a kilobyte for each attempt.
-const PICTURED_ATTEMPTS_MAX: usize = 6_000;
 /// Degrees of a range of angles, and the ranges.
 const ANGLE_DEG: f32 = 30.0;
 const ANGLES: [&str; 6] = ["0 to 30°", "30 to 60°", "60 to 90°", "90 to 120°", "120 to 150°", "150 to 180°"];
@@ -63,7 +59,7 @@ pub fn browse(
     let mut lists = Lists::begin(folder, Shelf::Scenes, &FACETS, files)?;
     let mut done = Replays::default();
     let info = dataset.info();
-    let (mut pictures, mut attempts) = (Vec::new(), 0);
+    let (mut cards, mut attempts) = (Vec::new(), 0);
     for of_shard in scenes.chunk_by(|a, b| info.shard_of(*a) == info.shard_of(*b)) {
         let shard = info.shard_of(of_shard[0]).unwrap_or_default();
         for rows in dataset.some_scenes(shard, of_shard.to_vec())? {
@@ -73,36 +69,46 @@ pub fn browse(
             let listed = rows.attempts.iter().map(|attempt| (listed(attempt), values(&rows, attempt))).collect();
             let id = rows.scene.scene_id;
             lists.add(id, format!("scene {id}"), &view, listed, replays)?;
-            pictures.push(picture(info, &rows, attempts < PICTURED_ATTEMPTS_MAX, true));
+            cards.push(card(&rows));
             attempts += rows.attempts.len();
             on_page();
         }
     }
-    write(folder, REPORT, &report(dataset)?.page(dataset, Some(scenes))?.html())?;
+    write(folder, REPORT, &report(dataset)?.page(dataset).html())?;
     let facets = lists.finish()?;
-    write(folder, INDEX, &index(dataset, facets, pictures, attempts).html())?;
+    write(folder, INDEX, &index(dataset, facets, cards, attempts).html())?;
     Ok(done)
 }
 
 /// The page of all scenes.
-fn index(dataset: &Dataset, facets: Vec<Facet>, pictures: Vec<Picture>, attempts: usize) -> Document {
+fn index(dataset: &Dataset, facets: Vec<Facet>, cards: Vec<Card>, attempts: usize) -> Document {
     let (info, name) = (dataset.info(), dataset.location().name());
-    let [scenes, of_scenes] = [pictures.len() as u64, info.scene_count].map(grouped);
+    let [scenes, of_scenes] = [cards.len() as u64, info.scene_count].map(grouped);
     let [attempts, of_attempts] = [attempts as u64, info.attempt_count].map(grouped);
     let more = if scenes == of_scenes { "" } else { " \"graspmill dataset browse --scenes N\" shows more." };
     let text = format!(
-        "{scenes} of {of_scenes} scenes, with {attempts} of {of_attempts} attempts.{more} A picture leads to its scene, which can be turned; \
-         a grasp there leads to its replay."
+        "{scenes} of {of_scenes} scenes, with {attempts} of {of_attempts} attempts.{more} A name leads to its \
+         scene, which can be turned; a grasp there leads to its replay."
     );
     let blocks = vec![
         Block::Text(text),
         Block::Links(vec![("Report: what the whole dataset holds".to_owned(), REPORT.to_owned())]),
         Block::Filter(facets),
-        Block::Legend(Outcome::ALL.to_vec()),
-        Block::Gallery(pictures),
+        Block::Gallery(cards),
     ];
     let footer = format!("graspmill dataset browse, Graspmill {}; dataset {}", env!("CARGO_PKG_VERSION"), dataset.id());
     Document { title: format!("{name}: scenes"), blocks, footer }
+}
+
+/// A scene with all its attempts, in words.
+fn card(rows: &SceneRows) -> Card {
+    let held = rows.attempts.iter().filter(|attempt| attempt.label() == 1).count();
+    let (objects, attempts) = (rows.objects.len(), rows.attempts.len());
+    Card {
+        title: format!("Scene {}", grouped(rows.scene.scene_id)),
+        caption: format!("{objects} object{}; {held} of {attempts} attempts held", if objects == 1 { "" } else { "s" }),
+        link: scene_file(rows.scene.scene_id),
+    }
 }
 
 fn listed(attempt: &AttemptRecord) -> ListedAttempt {

@@ -12,8 +12,8 @@
 mod browse;
 mod grasps;
 mod page;
-mod pictures;
 mod replay;
+mod spread;
 mod statistics;
 #[cfg(test)]
 #[path = "../../tests/support/synthetic.rs"]
@@ -22,7 +22,7 @@ mod view;
 
 pub use browse::browse;
 pub use grasps::{GivenGrasps, browse_grasps, grasp_columns, grasp_sets, grasps_info, grasps_table, read_grasp_set};
-pub use pictures::spread;
 pub use replay::{Replays, failure_page, replayed};
+pub use spread::spread;
 pub use statistics::{Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use view::scene_view;

@@ -1,17 +1,11 @@
 //! The report as a document: what a terminal shows, and what a page shows besides.
 
-use program::Failure;
 use program::text::{bytes, grouped, percent, ratio};
 use report::document::{Block, Cell, Document, Table};
-use schema::Outcome;
 use serde_json::Value;
 use shards::{Dataset, DatasetInfo, Tally};
 
-use crate::pictures::{picture, spread};
 use crate::statistics::{Bin, Group, Report};
-
-/// Scenes that are shown.
-const SCENES_SHOWN: usize = 12;
 
 impl Report {
     /// The report, for a terminal.
@@ -32,42 +26,15 @@ impl Report {
         Document { title: "Grasp attempts in simulation".to_owned(), blocks, footer }
     }
 
-    /// The report as a page shows it: with pictures of scenes first, and the dataset's origin last. The pictures are
-    /// links if the scenes are `browsed`: if they have pages in the report's folder.
-    ///
-    /// # Errors
-    /// [`Failure`] if a scene cannot be read.
-    pub fn page(&self, dataset: &Dataset, browsed: Option<&[u64]>) -> Result<Document, Failure> {
+    /// The report as a page shows it: with the dataset's origin last.
+    #[must_use]
+    pub fn page(&self, dataset: &Dataset) -> Document {
         let info = dataset.info();
         let mut page = self.document(info);
         page.title = format!("{}: {} grasp attempts", dataset.location().name(), grouped(self.labels.attempts));
-        let heading = |title: &str, text: &str| [Block::Heading(title.to_owned()), Block::Text(text.to_owned())];
-        let how = if browsed.is_some() {
-            "A picture leads to its scene, which can be turned; a grasp there leads to its replay."
-        } else {
-            "\"graspmill dataset browse DIR\" shows scenes that can be turned, with replays."
-        };
-        let shown = match browsed {
-            Some(scenes) => spread(scenes, SCENES_SHOWN),
-            None => spread(&(0..info.scene_count).collect::<Vec<_>>(), SCENES_SHOWN),
-        };
-        let text = format!(
-            "Evenly spread over the dataset. A fork is a grasp, which names its attempt under the mouse. {how}"
-        );
-        let shown =
-            shown.into_iter().map(|scene| Ok(picture(info, &dataset.read_scene(scene)?, true, browsed.is_some())));
-        let mut scenes = heading("Scenes", &text).to_vec();
-        scenes.push(Block::Legend(Outcome::ALL.to_vec()));
-        scenes.push(Block::Gallery(shown.collect::<Result<_, Failure>>()?));
-        let first = page.blocks.iter().position(|block| matches!(block, Block::Heading(_)));
-        let first = first.unwrap_or(page.blocks.len());
-        page.blocks.splice(first..first, scenes);
-        page.blocks.extend(heading(
-            "Provenance",
-            "From meta/info.json, which is shown here, the dataset can be made again, byte for byte.",
-        ));
-        page.blocks.push(provenance(info));
-        Ok(page)
+        let text = "From meta/info.json, which is shown here, the dataset can be made again, byte for byte.";
+        page.blocks.extend([Block::Heading("Provenance".to_owned()), Block::Text(text.to_owned()), provenance(info)]);
+        page
     }
 }
 
@@ -195,7 +162,7 @@ fn sizes(report: &Report) -> Section {
 }
 
 fn provenance(info: &DatasetInfo) -> Block {
-    // What is said of frames and units is the same for all; the corners of models are shown by the pictures.
+    // What is said of frames and units is the same for all; the corners of models are too many.
     let mut told: serde_json::Map<String, Value> = serde_json::from_str(&info.to_json()).unwrap_or_default();
     told.retain(|key, _| !["about", "facets", "frames", "units", "models"].contains(&key.as_str()));
     Block::Code("json", format!("{:#}", Value::Object(told)))

@@ -46,7 +46,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
 }
 
 /// An attempt in words: its id as commands take it, its outcome and what it hit, its width, its target and rule.
-pub(crate) fn attempt_label(attempt: &AttemptRecord) -> String {
+fn attempt_label(attempt: &AttemptRecord) -> String {
     let closing = attempt.closing.map_or(String::new(), |axis| format!(", closes along {}", Axis::name(axis)));
     let ending = describe_outcome(attempt.outcome, attempt.hit.map(|kind| (kind, attempt.hit_object_id)), None);
     let width = attempt.width_m.map_or("never closed".to_owned(), |width_m| format!("{:.1} mm", width_m * 1000.0));

@@ -313,7 +313,7 @@ impl Dataset {
         let dataset = self.read()?;
         let made = || {
             let report = inspect::report(dataset)?;
-            if html { Ok(report.page(dataset, None)?.html()) } else { program::json(&report) }
+            if html { Ok(report.page(dataset).html()) } else { program::json(&report) }
         };
         free(py, made)
     }

@@ -20,21 +20,16 @@
   const byFile = new Map(scenes.map((scene) => [scene.file, scene]));
   const here = byFile.get(location.pathname.split("/").at(-1));
 
-  // All scenes: the cards of those with a wanted attempt, whose other grasps are faint.
+  // All scenes: the cards of those with a wanted attempt.
   function showCards() {
     let count = 0, shown = 0;
     for (const figure of document.querySelectorAll(".gallery figure")) {
       const link = figure.querySelector("a").getAttribute("href").replace(/#.*/, "");
-      const found = new Set(matching(byFile.get(link)).map(([id]) => id));
-      figure.hidden = !found.size;
-      shown += found.size ? 1 : 0;
-      count += found.size;
-      for (const path of figure.querySelectorAll(".scene path")) {
-        const isFound = found.has(Number(path.textContent.split(/[/ :]/)[1]));
-        path.classList.toggle("other", !isFound);
-        path.classList.toggle("chosen", isFound && chosen().some((choice) => choice >= 0));
-      }
-      for (const a of figure.querySelectorAll("a")) a.setAttribute("href", link + hash());
+      const found = matching(byFile.get(link)).length;
+      figure.hidden = !found;
+      shown += found ? 1 : 0;
+      count += found;
+      figure.querySelector("a").setAttribute("href", link + hash());
     }
     byId("found").textContent = `${count.toLocaleString("en")} ${shelf === "scenes" ? "attempts in" : "grasps of"} ${shown} of ${scenes.length} ${shelf}`;
   }

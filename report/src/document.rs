@@ -1,8 +1,8 @@
 //! A result as an ordered list of blocks, which is described once and becomes a page, Markdown or a terminal's text.
 //!
 //! A page is one file (a folder's pages share their scripts): no network, light and dark, from a phone's width to a
-//! wall's. Pages show everything; Markdown and terminals leave out what only a page has room for: pictures and columns
-//! of notes.
+//! wall's. Pages show everything; Markdown and terminals leave out what only a page has room for: cards and columns of
+//! notes.
 
 pub(crate) mod html;
 mod plain;
@@ -35,29 +35,25 @@ pub enum Block {
     Warnings(Vec<String>),
     /// A table.
     Table(Table),
-    /// Small pictures side by side; on pages only.
-    Gallery(Vec<Picture>),
+    /// Cards side by side that lead to pages; on pages only.
+    Gallery(Vec<Card>),
     /// Pages beside this one: words and file; on pages only.
     Links(Vec<(String, String)>),
-    /// What the pictures of scenes in the gallery below can be chosen by; on pages of a folder only.
+    /// What the cards of scenes in the gallery below can be chosen by; on pages of a folder only.
     Filter(Vec<Facet>),
-    /// The colours that grasps in pictures have by these outcomes; on pages only.
-    Legend(Vec<Outcome>),
     /// A program's input in the language that is named.
     Code(&'static str, String),
 }
 
-/// A picture with its caption.
+/// What is to be known of a page.
 #[derive(Debug, Clone)]
-pub struct Picture {
-    /// What is drawn: an `<svg>` of our own making, or nothing where the words are enough.
-    pub svg: String,
-    /// What it shows, in bold.
+pub struct Card {
+    /// What the page shows, in bold.
     pub title: String,
     /// What else there is to say.
     pub caption: String,
-    /// The page that it leads to.
-    pub link: Option<String>,
+    /// The page's file.
+    pub link: String,
 }
 
 /// A table. A column's cells are of one kind, which decides how it is aligned.
@@ -76,7 +72,7 @@ pub enum Cell {
     Text(String),
     /// Something from a program: a name, a hash, a path.
     Code(String),
-    /// An outcome, beside the colour that it has in pictures.
+    /// An outcome, beside the colour that it has in views.
     Outcome(Outcome),
     /// A number, as it is to be read.
     Number(String),

@@ -8,5 +8,4 @@ mod assets;
 pub mod document;
 pub mod figure;
 pub mod overlay;
-pub mod picture;
 pub mod view;

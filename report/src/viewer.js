@@ -17,7 +17,7 @@
 
   // Colours that stay apart for the colour-blind (Okabe and Ito, 2008); x: drawn over all, a: opacity of a body that hides nothing.
   const [SKY, BLUE, ORANGE, PURPLE] = [[86, 180, 233], [0, 114, 178], [230, 159, 0], [204, 121, 167]];
-  // Those of outcomes are the style's, as in still pictures.
+  // Those of outcomes are the style's, as in tables.
   const hues = new Map();
   isDark.addEventListener("change", () => hues.clear());
   const hue = (name) => {

@@ -17,7 +17,7 @@ pub(crate) struct Arguments {
     /// Print JSON.
     #[arg(long, conflicts_with = "html")]
     json: bool,
-    /// Write a page with pictures of scenes, everything in one file.
+    /// Write a page, everything in one file.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
 }
@@ -27,7 +27,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let report = inspect::report(&dataset)?;
     match &arguments.html {
         Some(path) => {
-            write(path, report.page(&dataset, None)?.html())?;
+            write(path, report.page(&dataset).html())?;
             print(format_args!("{}\n", path.display()))?;
         }
         None if arguments.json => print(program::json(&report)?)?,

@@ -1,28 +1,25 @@
-//! Objects' grasps to look at: a folder with a grid of pictures, and a page for each object in space, on which a click
+//! Objects' grasps to look at: a folder with a list of them, and a page for each object in space, on which a click
 //! on a grasp leads to its replay.
 
 use std::path::Path;
 
 use program::Failure;
 use program::text::{grouped, percent};
-use report::document::{Block, Document, Picture};
-use report::picture::{Grasp, Scene, svg};
+use report::document::{Block, Card, Document};
 use report::view::folder::{INDEX, ListedAttempt, Shelf, object_file};
 use report::view::{Body, Class, Line, Measure, View};
-use schema::{Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
+use schema::{Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose};
 
 use super::stored::read_grasp_set;
 use super::{free_share, grasp_sets};
 use crate::browse::{Lists, UNKNOWN, write};
-use crate::pictures::spread;
 use crate::replay::{Replays, of_object};
+use crate::spread::spread;
 
 /// Grasps that a page shows, spread over all: at most, at least, and on all pages together. A replay takes a few
 /// kilobytes.
 const SHOWN: [usize; 2] = [200, 24];
 const SHOWN_OF_ALL: usize = 24_000;
-/// Grasps in a picture of the grid.
-const PICTURED: usize = 16;
 
 /// What grasps can be chosen by, in the order of the values of [`values`].
 const FACETS: [(&str, &[&str]); 4] = [
@@ -50,7 +47,7 @@ pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: b
     let mut done = Replays::default();
     let [most, least] = SHOWN;
     let count = (SHOWN_OF_ALL / names.len().max(1)).clamp(least, most);
-    let (mut pictures, mut shown, mut all) = (Vec::new(), 0, 0);
+    let (mut cards, mut shown, mut all) = (Vec::new(), 0, 0);
     for (at, name) in names.iter().enumerate() {
         let set = read_grasp_set(folder, name)?;
         let numbers = spread(&(0..set.grasps.len() as u64).collect::<Vec<_>>(), count);
@@ -62,30 +59,29 @@ pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: b
             (ListedAttempt { attempt: *number as u32, id, outcome: grasp.outcome, words }, values(grasp))
         };
         lists.add(at as u64, name.clone(), &view, numbers.iter().map(listed).collect(), replays)?;
-        pictures.push(picture(&set, name));
+        cards.push(card(&set, name));
         (shown, all) = (shown + numbers.len(), all + set.grasps.len());
     }
     let facets = lists.finish()?;
     let objects = grasp_sets(folder)?.len();
     let text = format!(
-        "{} of {objects} objects, with {} of {} grasps. A picture has up to {PICTURED} grasps that held, and leads to its \
-         object, which can be turned; a grasp there leads to its replay.",
+        "{} of {objects} objects, with {} of {} grasps. A name leads to its object, which can be turned; a \
+         grasp there leads to its replay.",
         names.len(),
         grouped(shown as u64),
         grouped(all as u64)
     );
-    let blocks =
-        vec![Block::Text(text), Block::Filter(facets), Block::Legend(vec![Outcome::Held]), Block::Gallery(pictures)];
+    let blocks = vec![Block::Text(text), Block::Filter(facets), Block::Gallery(cards)];
     let footer = format!("graspmill dataset browse, Graspmill {}", env!("CARGO_PKG_VERSION"));
     write(out, INDEX, &Document { title: "Grasps of objects".to_owned(), blocks, footer }.html())?;
     Ok(done)
 }
 
-/// An object in the grid.
-fn picture(set: &ObjectGrasps, name: &str) -> Picture {
+/// An object in the list.
+fn card(set: &ObjectGrasps, name: &str) -> Card {
     let (held, all) = (set.count(Outcome::Held) as u64, set.grasps.len() as u64);
     let caption = format!("{} of {} grasps held", grouped(held), grouped(all));
-    Picture { svg: grasps_svg(set), title: name.to_owned(), caption, link: Some(object_file(name)) }
+    Card { title: name.to_owned(), caption, link: object_file(name) }
 }
 
 /// An object with some of its grasps as forks, those that held last. A fork says what is known of its grasp, and can
@@ -164,31 +160,4 @@ fn words(set: &ObjectGrasps, grasp: &ObjectGrasp) -> String {
         share(free_share(grasp, &set.stable_poses), "of the ways to lie leave it free"),
     ];
     known.into_iter().flatten().collect::<Vec<_>>().join(", ")
-}
-
-/// A picture (SVG) of an object with some grasps that held.
-fn grasps_svg(set: &ObjectGrasps) -> String {
-    let held: Vec<&ObjectGrasp> = set.held().collect();
-    let numbers: Vec<u64> = (0..held.len() as u64).collect();
-    let size_m = 2.0 * set.extents_m.length().max(set.gripper.opening_m_max);
-    let [low_m, high_m] = bounds_m(set.parts.iter().flat_map(|part| part.corners_m()));
-    let middle_m = 0.5 * (low_m + high_m);
-    let lift_m = Vec3::new(0.5 * size_m, 0.5 * size_m, 0.5 * set.extents_m.length()) - middle_m;
-    let placed = |pose: &Pose| Pose::from_parts(pose.translation + lift_m, pose.rotation);
-    let drawn = |number: u64| {
-        let grasp = held[number as usize];
-        Grasp {
-            workspace_from_grasp: placed(&grasp.object_from_grasp),
-            width_m: grasp.width_m.unwrap_or(set.gripper.opening_m_max),
-            outcome: grasp.outcome,
-            label: label(set, number, grasp),
-        }
-    };
-    svg(&Scene {
-        size_m,
-        table_z_m: 0.0,
-        bodies: set.parts.iter().map(|part| (part.moved(&placed(&Pose::IDENTITY)), 0)).collect(),
-        fixtures: Vec::new(),
-        grasps: spread(&numbers, PICTURED).into_iter().map(drawn).collect(),
-    })
 }

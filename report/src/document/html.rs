@@ -7,7 +7,7 @@ use schema::Outcome;
 use crate::assets::{OUTCOMES, PAGE_STYLE};
 use crate::view::folder::{self, Facet};
 
-use super::{Block, Cell, Document, Picture, Table};
+use super::{Block, Card, Cell, Document, Table};
 
 /// The longest name that stays in one line, in bytes.
 const SHORT_MAX: usize = 32;
@@ -67,16 +67,11 @@ impl Block {
                 div class="warnings" role="note" { ul { @for warning in all { li { (warning) } } } }
             },
             Self::Table(table) => table.markup(),
-            Self::Gallery(pictures) => {
-                html! { div.gallery { @for one in pictures { (one.markup()) } } }
-            }
+            Self::Gallery(cards) => html! { div.gallery { @for card in cards { (card.markup()) } } },
             Self::Links(links) => {
                 html! { p class="links" { @for (words, file) in links { a href=(file) { (words) } " " } } }
             }
             Self::Filter(facets) => filter(facets),
-            Self::Legend(outcomes) => html! {
-                p class="legend" { @for outcome in outcomes { span { (swatch(*outcome)) (in_words(*outcome)) } " " } }
-            },
             Self::Code(language, code) => html! {
                 details { summary { (language) } pre { code { (code.trim_end()) } } }
             },
@@ -101,30 +96,14 @@ fn filter(facets: &[Facet]) -> Markup {
     }
 }
 
-fn swatch(outcome: Outcome) -> Markup {
-    html! { i class={ "swatch " (outcome.name()) } {} }
-}
-
 /// As people read it.
 pub(crate) fn in_words(outcome: Outcome) -> String {
     outcome.name().replace('_', " ")
 }
 
-impl Picture {
+impl Card {
     fn markup(&self) -> Markup {
-        let svg = PreEscaped(&self.svg);
-        html! {
-            figure {
-                @match &self.link {
-                    Some(link) if !self.svg.is_empty() => a href=(link) aria-label=(self.title) { (svg) },
-                    _ => (svg),
-                }
-                figcaption {
-                    b { @if let Some(link) = &self.link { a href=(link) { (self.title) } } @else { (self.title) } }
-                    (self.caption)
-                }
-            }
-        }
+        html! { figure { figcaption { b { a href=(self.link) { (self.title) } } (self.caption) } } }
     }
 }
 
@@ -158,7 +137,9 @@ impl Cell {
             Self::Code(text) => {
                 html! { td { code class=[(text.len() <= SHORT_MAX).then_some("short")] { (text) } } }
             }
-            Self::Outcome(outcome) => html! { td { (swatch(*outcome)) code.short { (outcome.name()) } } },
+            Self::Outcome(outcome) => {
+                html! { td { i class={ "swatch " (outcome.name()) } {} code.short { (outcome.name()) } } }
+            }
             Self::Number(text) => html! { td class="number" { (text) } },
             Self::Count(count) => html! { td class="number" { (grouped(*count)) } },
             Self::Bar(share, text) => {
@@ -195,12 +176,10 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_leads_on_is_a_link() {
-        let [svg, title, caption] = ["<svg/>", "Scene 7", "three objects"].map(str::to_owned);
-        let mut picture = Picture { svg, title, caption, link: None };
-        assert!(!picture.markup().into_string().contains("<a "));
-        picture.link = Some("scene-7.html".to_owned());
-        assert_eq!(picture.markup().into_string().matches("<a href=\"scene-7.html\"").count(), 2);
+    fn a_card_leads_to_its_page() {
+        let [title, caption, link] = ["Scene 7", "three objects", "scene-7.html"].map(str::to_owned);
+        let html = Card { title, caption, link }.markup().into_string();
+        assert!(html.contains("<a href=\"scene-7.html\">Scene 7</a></b>three objects"), "{html}");
     }
 
     #[test]
