@@ -18,9 +18,6 @@ const MORE: &str = "Of the samplers, \"mixed\" finds most (configs/generate/hous
 pub(crate) fn render(report: &Report, at: &Location, shards: u32, elapsed_s: f64) -> String {
     let (made, is_stopped) = (report.made.labels.attempts, report.stopped.is_some());
     let mut text = if is_stopped && made == 0 { String::new() } else { counted(counts(report)) };
-    if !report.rejected.moving.is_empty() {
-        text += &line("moved on", &report.rejected.moved_on());
-    }
     if made > 0 && !is_stopped {
         let rate = grouped((made as f64 / elapsed_s) as u64);
         text += &line("speed", &format!("{rate} attempts/s ({} in {elapsed_s:.1} s)", grouped(made)));

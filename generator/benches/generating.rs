@@ -85,7 +85,7 @@ fn stages(config: &Config) -> [Cost; 5] {
             };
             let mut on_stage = |stage: Stage| {
                 match stage {
-                    Stage::Rejected { .. } => ended(0, 0),
+                    Stage::Rejected => ended(0, 0),
                     Stage::Settled => ended(0, 1),
                     Stage::Observed => ended(1, 1),
                     Stage::Prepared => ended(2, 1),

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use perception::{Sensor, SensorParams, Tsdf, camera_at, draw_kind};
 use schema::{
-    AttemptRecord, Container, Intrinsics, ObjectRecord, Purpose, SceneRecord, SceneRejections, SceneRows, Shape,
-    Stream, View, VoxelGrid,
+    AttemptRecord, Container, Intrinsics, ObjectRecord, Purpose, SceneRecord, SceneRejections, SceneRows, Stream, View,
+    VoxelGrid,
 };
 use simulator::{AttemptWorld, Execution, Scene, SceneObject, SceneRays, Settled, Unsettled, settle, settle_again};
 
@@ -43,10 +43,7 @@ pub enum NoScene {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     /// Dropping objects that do not come to rest: a scene that is thrown away.
-    Rejected {
-        /// What moved on, if something did.
-        moving: Option<Shape>,
-    },
+    Rejected,
     /// Dropping objects until they rest.
     Settled,
     /// Depth and TSDF of all views.
@@ -81,7 +78,7 @@ pub fn make_scene_watched(
     };
     let container = draw_container(&config.container, config.seed, scene_id);
     let (settled, dropped_count, rejections) =
-        settled_scene(config, scene_id, container.as_ref(), &mut |moving| ended(Stage::Rejected { moving }))?;
+        settled_scene(config, scene_id, container.as_ref(), &mut || ended(Stage::Rejected))?;
     ended(Stage::Settled)?;
 
     let objects = object_records(config, scene_id, &settled.scene);
@@ -140,12 +137,12 @@ pub fn make_scene_watched(
     Ok(SceneRows { scene, objects, attempts })
 }
 
-/// A scene at rest, the number of objects dropped, and the tries before. `on_rejected` is told what moved on.
+/// A scene at rest, the number of objects dropped, and the tries before, at each of which `on_rejected` is called.
 fn settled_scene(
     config: &Config,
     scene_id: u64,
     container: Option<&Container>,
-    on_rejected: &mut dyn FnMut(Option<Shape>) -> Result<(), NoScene>,
+    on_rejected: &mut dyn FnMut() -> Result<(), NoScene>,
 ) -> Result<(Settled, u32, SceneRejections), NoScene> {
     let mut rejections = SceneRejections::default();
     let Config { objects, grid, seed, physics, settle: params, .. } = config;
@@ -166,17 +163,13 @@ fn settled_scene(
                 (drops, settled)
             }
         };
-        let mut moving = None;
         match settled {
             Ok(settled) => return Ok((settled, drops.len() as u32, rejections)),
-            Err(Unsettled::Moving { fastest }) => {
-                rejections.unsettled += 1;
-                moving = drops.get(fastest).map(|drop| objects.catalogue.shape_of(&drop.body).shape());
-            }
+            Err(Unsettled::Moving { .. }) => rejections.unsettled += 1,
             Err(Unsettled::Empty) => rejections.empty += 1,
             Err(Unsettled::Unstable) => rejections.unstable += 1,
         }
-        on_rejected(moving)?;
+        on_rejected()?;
     }
     Err(NoScene::Rejected { scene_id, tries: params.tries_max, rejections })
 }

@@ -1,7 +1,6 @@
 //! Generating shards: scenes are built in parallel, rows are written in order, and a shard is committed when it is
 //! complete. A separate thread encodes rows while the others simulate.
 
-use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -10,10 +9,10 @@ use std::thread;
 use program::text::percent;
 use program::{Context as _, Exit, ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{SceneRows, Shape};
+use schema::{SceneRejections, SceneRows};
 use shards::{Counts, DatasetInfo, Draft, Finalized, Location, ShardWriter};
 
-use crate::build::{NoScene, Stage, make_scene_watched};
+use crate::build::{NoScene, make_scene_watched};
 use crate::config::Config;
 
 /// Scenes of a parallel batch, from one shard or several: enough that cores rarely wait for the last scene of a batch.
@@ -49,7 +48,7 @@ pub enum Event {
 pub struct Report {
     /// Rows made by this run, in shards that it committed.
     pub made: Counts,
-    /// Scenes that this run threw away, by what moved on.
+    /// Scenes that this run threw away.
     pub rejected: Rejected,
     /// If the run was stopped before its shards were done, the number of finished scenes of incomplete shards, which
     /// the next one makes again.
@@ -59,14 +58,12 @@ pub struct Report {
 }
 
 /// Scenes that a run threw away.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Rejected {
     /// Scenes that came to rest.
     pub kept: u64,
     /// Scenes that were thrown away, for any reason.
     pub thrown_away: u64,
-    /// Of these, the ones in which an object moved on, by its name; the most frequent first.
-    pub moving: Vec<(String, u64)>,
 }
 
 /// The share of rejected scenes above which a run ends, unless another is given. More, and what is left is not what was
@@ -74,23 +71,12 @@ pub struct Rejected {
 pub const REJECTED_SHARE_MAX: f64 = 0.1;
 /// Standard deviations by which the share must exceed the limit, so that few scenes decide nothing.
 const REJECTED_DEVIATIONS: f64 = 3.0;
-/// Objects that a message names, at most.
-const NAMED_MAX: usize = 5;
 
 impl Rejected {
     /// The share of the scenes that were thrown away.
     #[must_use]
     pub fn share(&self) -> f64 {
         self.thrown_away as f64 / (self.kept + self.thrown_away).max(1) as f64
-    }
-
-    /// What moved on, and how often: `mug 12, teddy 3`.
-    #[must_use]
-    pub fn moved_on(&self) -> String {
-        let named = self.moving.iter().take(NAMED_MAX).map(|(name, count)| format!("{name} {count}"));
-        let more = self.moving.len().saturating_sub(NAMED_MAX);
-        let more = (more > 0).then(|| format!("{more} others"));
-        named.chain(more).collect::<Vec<_>>().join(", ")
     }
 
     /// Whether the share is above `share_max` beyond chance.
@@ -176,9 +162,6 @@ struct Run<'a> {
     on_event: &'a (dyn Fn(Event) + Sync),
 }
 
-/// A finished scene with its shard, and what moved on in each try before it.
-type Finished = ((u32, SceneRows), Vec<Option<Shape>>);
-
 impl Run<'_> {
     fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
@@ -195,21 +178,19 @@ impl Run<'_> {
         let info = self.draft.info();
         let scenes: Vec<(u32, u64)> =
             shards.iter().flat_map(|shard| info.scenes_of(*shard).map(|scene_id| (*shard, scene_id))).collect();
-        let mut by_shape: BTreeMap<Shape, u64> = BTreeMap::new();
         for batch in scenes.chunks(SCENES_AT_ONCE) {
-            let built: Result<Vec<Option<Finished>>, NoScene> =
+            let built: Result<Vec<Option<(u32, SceneRows)>>, NoScene> =
                 batch.par_iter().with_max_len(1).map(|(shard, id)| self.build(*shard, *id)).collect();
             let built = built?;
             let in_order = built.iter().take_while(|scene| scene.is_some()).count();
             let is_whole = in_order == built.len();
-            let (mut built, moved): (Vec<_>, Vec<_>) = built.into_iter().flatten().unzip();
-            built.truncate(in_order);
-            rejected.kept += moved.len() as u64;
-            for moving in moved.into_iter().flatten() {
-                rejected.thrown_away += 1;
-                moving.into_iter().for_each(|shape| *by_shape.entry(shape).or_default() += 1);
+            let mut built: Vec<(u32, SceneRows)> = built.into_iter().flatten().collect();
+            for (_, rows) in &built {
+                let SceneRejections { unsettled, empty, unstable } = rows.scene.rejections;
+                rejected.kept += 1;
+                rejected.thrown_away += u64::from(unsettled + empty + unstable);
             }
-            rejected.moving = most_first(&by_shape, info);
+            built.truncate(in_order);
             let is_stopped = !is_whole || self.is_stopped();
             if !is_stopped && rejected.is_above(self.rejected_max) {
                 return Err(too_many(rejected, self.rejected_max));
@@ -226,16 +207,12 @@ impl Run<'_> {
     }
 
     /// Builds a scene; nothing if the run is stopped before it is finished.
-    fn build(&self, shard: u32, scene_id: u64) -> Result<Option<Finished>, NoScene> {
+    fn build(&self, shard: u32, scene_id: u64) -> Result<Option<(u32, SceneRows)>, NoScene> {
         if self.is_stopped() {
             return Ok(None);
         }
-        let mut moved = Vec::new();
         let attempts = self.draft.info().attempts_of_scene(scene_id);
-        let made = make_scene_watched(self.config, scene_id, attempts, &mut |stage| {
-            if let Stage::Rejected { moving } = stage {
-                moved.push(moving);
-            }
+        let made = make_scene_watched(self.config, scene_id, attempts, &mut |_| {
             if self.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         let rows = match made {
@@ -244,7 +221,7 @@ impl Run<'_> {
         };
         let positives = rows.attempts.iter().map(|a| u64::from(a.label())).sum();
         (self.on_event)(Event::Scene { attempts: rows.attempts.len() as u64, positives });
-        Ok(Some(((shard, rows), moved)))
+        Ok(Some((shard, rows)))
     }
 
     /// Writes scenes as they arrive and commits a shard when it has all its scenes. Returns the counts of what was
@@ -269,19 +246,11 @@ impl Run<'_> {
     }
 }
 
-/// Shapes by name, the most frequent first.
-fn most_first(by_shape: &BTreeMap<Shape, u64>, info: &DatasetInfo) -> Vec<(String, u64)> {
-    let mut named: Vec<_> = by_shape.iter().map(|(shape, n)| (shape.name(&info.models).to_owned(), *n)).collect();
-    named.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
-    named
-}
-
 fn too_many(rejected: &Rejected, share_max: f64) -> Failure {
     let (share, tries) = (percent(rejected.share()), rejected.kept + rejected.thrown_away);
-    let moved = if rejected.moving.is_empty() { "nothing".to_owned() } else { rejected.moved_on() };
     let text = format!(
-        "{share} of the first {tries} scenes were thrown away, more than --rejected-max {share_max}; what moved on, and how \
-         often: {moved}. Leave such objects out (graspmill objects import --rests-min), or allow more"
+        "{share} of the first {tries} scenes were thrown away, more than --rejected-max {share_max}. Leave objects out that do \
+         not come to rest (graspmill objects import --rests-min), or allow more"
     );
     Failure::new(ExitCode::Config, text)
 }
@@ -298,18 +267,14 @@ mod tests {
 
     #[test]
     fn few_scenes_decide_nothing_and_many_do() {
-        let of = |kept, thrown_away| Rejected { kept, thrown_away, moving: Vec::new() };
+        let of = |kept, thrown_away| Rejected { kept, thrown_away };
         assert!(!of(3, 3).is_above(0.1) && !of(128, 14).is_above(0.1) && !Rejected::default().is_above(0.1));
         assert!(of(50, 204).is_above(0.1) && of(100, 40).is_above(0.1) && !of(50, 204).is_above(1.0));
     }
 
     #[test]
-    fn what_moves_on_most_is_named_first() {
-        let moving = ["a", "b", "c", "d", "e", "f", "g"].into_iter().zip([9, 7, 5, 3, 2, 1, 1]);
-        let rejected =
-            Rejected { kept: 100, thrown_away: 28, moving: moving.map(|(n, c)| (n.to_owned(), c)).collect() };
-        assert_eq!(rejected.moved_on(), "a 9, b 7, c 5, d 3, e 2, 2 others");
-        let text = too_many(&rejected, 0.1).to_string();
+    fn the_share_the_tries_and_the_limit_are_said() {
+        let text = too_many(&Rejected { kept: 100, thrown_away: 28 }, 0.1).to_string();
         assert!(
             text.starts_with("21.9 % of the first 128 scenes were thrown away, more than --rejected-max 0.1"),
             "{text}"

@@ -463,15 +463,14 @@ fn a_config_says_what_is_wrong_with_its_catalogue() {
 
 /// Nothing comes to rest within so short a time but what falls flat.
 #[test]
-fn what_does_not_rest_is_left_out_or_named_and_too_much_of_it_refused() {
+fn what_does_not_rest_is_left_out_and_too_much_of_it_refused() {
     let dir = with_meshes();
     check_ok(&import(&dir, &[]));
     let hasty = config().replace("time_s_max = 4.0", "time_s_max = 0.35").replace("attempts = 72", "attempts = 1800");
     assert!(hasty.contains("0.35") && hasty.contains("1800"));
     fs::write(dir.path().join("config.toml"), &hasty).unwrap();
     let refused = run(&dir, "refused", &[]);
-    let moved_on = ["were thrown away, more than --rejected-max 0.1", "moved on", "Cube ", "ell ", "--rests-min"];
-    check_fails(&refused, 78, &moved_on);
+    check_fails(&refused, 78, &["were thrown away, more than --rejected-max 0.1", "--rests-min"]);
     assert!(!dir.path().join("refused/_SUCCESS").exists());
     check_ok(&run(&dir, "allowed", &["--rejected-max", "1"]));
     assert!(dir.path().join("allowed/_SUCCESS").exists());
