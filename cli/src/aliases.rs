@@ -7,7 +7,7 @@ use std::path::Path;
 pub(crate) fn expanded(mut words: Vec<OsString>) -> Vec<OsString> {
     let program = words.first().and_then(|word| Path::new(word).file_stem()).and_then(OsStr::to_str);
     let above = match (program, words.get(1).and_then(|word| word.to_str())) {
-        (Some("generator"), Some("finalize" | "gc" | "missing" | "repeat" | "replay")) => Some("dataset"),
+        (Some("generator"), Some("finalize" | "missing" | "repeat" | "replay")) => Some("dataset"),
         // `--version` is everywhere that of the program.
         (Some("generator"), first) if !matches!(first, Some("--version" | "-V")) => Some("generate"),
         (Some("trainer"), Some("export")) => Some("weights"),
@@ -27,7 +27,7 @@ mod tests {
             ("/bin/graspmill generate --shards 4", "graspmill generate --shards 4"),
             ("target/release/generator --shards 4", "graspmill generate --shards 4"),
             ("generator", "graspmill generate"),
-            ("generator.exe gc data", "graspmill dataset gc data"),
+            ("generator.exe missing data", "graspmill dataset missing data"),
             ("generator --version", "graspmill --version"),
             ("trainer fit --data shards", "graspmill fit --data shards"),
             ("trainer export a.safetensors", "graspmill weights export a.safetensors"),

@@ -3,7 +3,6 @@
 pub(crate) mod browse;
 mod export;
 mod finalize;
-mod gc;
 mod missing;
 mod repeat;
 mod replay;
@@ -26,7 +25,6 @@ pub(crate) enum Command {
     Export(export::Arguments),
     Missing(missing::Arguments),
     Finalize(finalize::Arguments),
-    Gc(gc::Arguments),
 }
 
 const EXAMPLES: &str = "\
@@ -53,7 +51,6 @@ impl Command {
             Self::Export(_) => export::run(),
             Self::Missing(arguments) => missing::run(arguments),
             Self::Finalize(arguments) => finalize::run(arguments),
-            Self::Gc(arguments) => gc::run(arguments),
         }
     }
 }

@@ -60,5 +60,5 @@ pub use format::{ATTEMPTS_MAX, DatasetInfo, Form, RESOLUTION_MAX, SHARDS_MAX, Ta
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;
 pub use read::{ArrowStream, Dataset, Verified, read_plain_table, verify};
-pub use store::{Location, Sweep, Swept};
+pub use store::Location;
 pub use write::{Draft, Finalized, PlainColumn, ShardWriter, plain_table, pose_columns};

@@ -15,7 +15,6 @@ pub(crate) use fault::{Fault, Kind};
 #[cfg(test)]
 pub(crate) use folder::Store;
 pub(crate) use folder::is_staging;
-pub use folder::{Sweep, Swept};
 pub use location::Location;
 pub(crate) use remote::Patience;
 pub(crate) use staged::{Ready, Staged, Trouble};

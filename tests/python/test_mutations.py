@@ -36,7 +36,6 @@ COMMANDS = [
     "generator replay {data} --attempt 7/3",
     "generator missing {data}",
     "generator finalize {data}",
-    "generator gc {data}",
     "trainer fit --data {data} --config {quick} --epochs 1 --run {out}/run",
 ]
 #: A mutant meets one of them.

@@ -1,15 +1,15 @@
 //! Publishing a dataset's files in a folder. (`program::publish` replaces any other file atomically.)
 //!
-//! A file is written under a staging name in its own folder (`.name#host-….tmp`, which neither readers nor globs match)
+//! A file is written under a staging name in its own folder (`.name#….tmp`, which neither readers nor globs match)
 //! and flushed to the disk. Then it is renamed if its final name is free, and the folder is flushed. A final name
 //! therefore has a complete file or none. Staging names are unique and never reused. Files of killed writers remain
-//! until a sweep. The lock on a staging file shows sweepers on the same host that its writer is alive.
+//! until the dataset is complete.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use program::{Failure, open_as};
+use program::Failure;
 
 use crate::store::error::failed;
 use crate::store::fault::Fault;
@@ -21,28 +21,6 @@ use crate::store::{Listing, META_BYTES_MAX};
 pub(crate) struct Store {
     root: PathBuf,
     fault: Fault,
-}
-
-/// Which leftovers to remove.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sweep {
-    /// None: only count those of dead writers.
-    Look,
-    /// Those of dead writers: files of this host without a lock.
-    Dead,
-    /// All. A live writer then fails with a message that it should be run again.
-    All,
-}
-
-/// Leftovers of killed writers.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Swept {
-    /// Files removed, or to be removed.
-    pub files: u64,
-    /// Their bytes.
-    pub bytes: u64,
-    /// Files that were kept because their writers are, or may be, alive.
-    pub kept: u64,
 }
 
 impl Store {
@@ -116,38 +94,23 @@ impl Store {
         let target = self.path(name);
         let folder = target.parent().unwrap_or(&self.root);
         self.create_folder(folder)?;
-        let prefix = target.file_name().unwrap_or_default().to_string_lossy();
-        let prefix = format!(".{prefix}#{}-{}-", host(), std::process::id());
-        for _ in 0..STAGINGS_MAX {
-            self.fault.check().map_err(failed("create a file", &target))?;
-            let staging = tempfile::Builder::new()
-                .prefix(&prefix)
-                .suffix(STAGING_END)
-                .make_in(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
-                .map_err(failed("create a file", &target))?;
-            let (file, staging) = staging.into_parts();
-            if is_mine(&file, &staging) {
-                return Ok(Staged::file(file, staging, target, self.fault.clone()));
-            }
-        }
-        Err(failed("keep a new file from being swept", &target)(io::ErrorKind::ResourceBusy.into()))
+        let prefix = format!(".{}#", target.file_name().unwrap_or_default().to_string_lossy());
+        self.fault.check().map_err(failed("create a file", &target))?;
+        let staging = tempfile::Builder::new()
+            .prefix(&prefix)
+            .rand_bytes(16)
+            .suffix(STAGING_END)
+            .make_in(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
+            .map_err(failed("create a file", &target))?;
+        let (file, staging) = staging.into_parts();
+        Ok(Staged::file(file, staging, target, self.fault.clone()))
     }
 
-    /// Removes leftovers of killed writers from a folder. If no leftover is needed, all of them count as dead.
-    pub(crate) fn sweep(&self, folder: &str, sweep: Sweep, is_needed: bool, swept: &mut Swept) -> Result<(), Failure> {
+    /// Removes leftovers of killed writers from a folder of a complete dataset. A writer that is still running finds
+    /// everything in place.
+    pub(crate) fn sweep(&self, folder: &str) -> Result<(), Failure> {
         for name in self.names(folder)?.into_iter().filter(|name| is_staging(name)) {
-            let path = self.path(folder).join(&name);
-            let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.len());
-            let locked = if is_needed && sweep != Sweep::All { dead(&path, &name) } else { None };
-            let is_dead = locked.is_some() || !is_needed || sweep == Sweep::All;
-            let is_gone = is_dead && (sweep == Sweep::Look || fs::remove_file(&path).is_ok());
-            drop(locked);
-            if is_gone {
-                swept.files += 1;
-                swept.bytes += bytes;
-            } else {
-                swept.kept += u64::from(path.exists()); // its writer may have ended just now
-            }
+            let _ = fs::remove_file(self.path(folder).join(name)); // its writer may have ended just now
         }
         Ok(())
     }
@@ -168,8 +131,6 @@ impl Store {
     }
 }
 
-/// Number of times that a sweeper may remove a new file before it is locked.
-const STAGINGS_MAX: u32 = 64;
 /// The suffix of staging names.
 const STAGING_END: &str = ".tmp";
 
@@ -180,31 +141,6 @@ pub(crate) fn is_staging(name: &str) -> bool {
 
 fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
-}
-
-/// Locks a new staging file; false if a sweeper was faster. On file systems without locks it counts as ours.
-fn is_mine(file: &File, path: &Path) -> bool {
-    match file.try_lock() {
-        Ok(()) => path.exists(),
-        Err(TryLockError::WouldBlock) => false,
-        Err(TryLockError::Error(_)) => true,
-    }
-}
-
-/// The locked file of a dead writer of this host; locks may be invisible to other hosts.
-fn dead(path: &Path, name: &str) -> Option<File> {
-    let (_, writer) = name.rsplit_once('#')?;
-    let file = open_as(path, OpenOptions::new().write(true)).ok()?;
-    let is_ours = writer.strip_prefix(&host()).is_some_and(|rest| rest.starts_with('-'));
-    (is_ours && file.try_lock().is_ok()).then_some(file)
-}
-
-/// This machine's name, restricted to characters for file names.
-fn host() -> String {
-    let told = fs::read_to_string("/proc/sys/kernel/hostname").or_else(|_| std::env::var("HOSTNAME"));
-    let mut name = told.unwrap_or_default();
-    name.retain(|c| c.is_ascii_alphanumeric() || c == '.' || c == '_');
-    if name.is_empty() { "host".to_owned() } else { name }
 }
 
 #[cfg(test)]
@@ -240,28 +176,16 @@ mod tests {
     }
 
     #[test]
-    fn live_writers_do_not_meet_and_dead_ones_are_swept() {
+    fn writers_do_not_meet_and_a_sweep_takes_what_they_leave() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::new(folder.path());
         let (first, second) = (store.stage("x").unwrap(), store.stage("x").unwrap());
         assert_ne!(first.staging(), second.staging());
-        let sweep = |which| {
-            let mut swept = Swept::default();
-            store.sweep("", which, true, &mut swept).unwrap();
-            swept
-        };
-        assert_eq!(sweep(Sweep::Dead), Swept { files: 0, bytes: 0, kept: 2 });
-        let (left, elsewhere) = (first.staging(), folder.path().join(".x#elsewhere-1-abc.tmp"));
-        drop((first, second));
-        fs::write(left, b"left again").unwrap();
-        fs::write(&elsewhere, b"who knows?").unwrap();
-        assert_eq!(sweep(Sweep::Look), Swept { files: 1, bytes: 10, kept: 1 });
-        assert_eq!(names(folder.path()).len(), 2);
-        assert_eq!(sweep(Sweep::Dead), Swept { files: 1, bytes: 10, kept: 1 });
-        assert_eq!(sweep(Sweep::All), Swept { files: 1, bytes: 10, kept: 0 });
-        let alive = store.stage("x").unwrap();
-        assert_eq!(sweep(Sweep::All).files, 1);
-        assert_eq!(alive.finish().unwrap().publish().unwrap_err().exit_code(), ExitCode::TryAgain);
+        publish(&store, "y", b"whole");
+        store.sweep("").unwrap();
+        assert_eq!(names(folder.path()), ["y"]);
+        assert_eq!(first.finish().unwrap().publish().unwrap_err().exit_code(), ExitCode::TryAgain);
+        drop(second);
     }
 
     #[test]
@@ -270,27 +194,17 @@ mod tests {
         let store = Store::new(folder.path());
         let mut swept = store.stage("x").unwrap();
         swept.put(b"whole").unwrap();
-        store.sweep("", Sweep::All, true, &mut Swept::default()).unwrap();
+        store.sweep("").unwrap();
         let unfinished = store.stage("x").unwrap();
         assert_eq!(swept.finish().unwrap().publish_new().unwrap_err().exit_code(), ExitCode::TryAgain);
         assert_eq!(store.read("x").unwrap(), None);
         let mut late = store.stage("x").unwrap();
         late.put(b"whole").unwrap();
         publish(&store, "x", b"whole");
-        store.sweep("", Sweep::All, true, &mut Swept::default()).unwrap();
+        store.sweep("").unwrap();
         assert!(!late.finish().unwrap().publish_new().unwrap(), "it is there");
         assert_eq!(store.read("x").unwrap().unwrap(), b"whole");
         drop(unfinished);
-    }
-
-    #[test]
-    fn a_pipe_with_a_staging_name_does_not_block_a_sweep() {
-        let folder = tempfile::tempdir().unwrap();
-        let pipe = folder.path().join(format!(".x#{}-1-abc.tmp", host()));
-        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-        let mut swept = Swept::default();
-        Store::new(folder.path()).sweep("", Sweep::Dead, true, &mut swept).unwrap();
-        assert_eq!((swept.files, swept.kept), (0, 1));
     }
 
     #[test]

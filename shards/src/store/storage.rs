@@ -14,7 +14,7 @@ use crate::format::seal::{sha256_hex, sha256_of_file};
 use crate::format::summary::FileSummary;
 use crate::store::Listing;
 use crate::store::error::failed;
-use crate::store::folder::{Store, Sweep, Swept};
+use crate::store::folder::Store;
 use crate::store::remote::{Patience, Remote};
 use crate::store::staged::{Ready, Staged};
 
@@ -222,10 +222,11 @@ impl Storage {
         }
     }
 
-    /// Removes leftovers of killed writers from a folder; an object store has none.
-    pub(crate) fn sweep(&self, folder: &str, sweep: Sweep, is_needed: bool, swept: &mut Swept) -> Result<(), Failure> {
+    /// Removes leftovers of killed writers from a folder of a complete dataset. An object store has none: objects are
+    /// uploaded in one piece.
+    pub(crate) fn sweep(&self, folder: &str) -> Result<(), Failure> {
         match self {
-            Self::Folder(store) => store.sweep(folder, sweep, is_needed, swept),
+            Self::Folder(store) => store.sweep(folder),
             Self::Remote(_) => Ok(()),
         }
     }

@@ -6,7 +6,7 @@ use program::Failure;
 use crate::format::summary::ShardSummary;
 use crate::format::{layout, seal};
 use crate::read::dataset::read_info;
-use crate::store::{Patience, Storage, Sweep, Swept};
+use crate::store::{Patience, Storage};
 use crate::write::writer::ShardWriter;
 use crate::{DatasetInfo, Location, Table};
 
@@ -78,60 +78,7 @@ impl Draft {
     pub fn flush(&self) -> Result<(), Failure> {
         self.storage.flush(&FOLDERS)
     }
-
-    /// Removes leftovers of killed writers. In an object store there are none, because objects are uploaded in one
-    /// piece. If the dataset is complete, no leftover is needed, so [`Sweep::Dead`]
-    /// removes all. All shards are not enough: a writer may be about to publish the card, the manifest or `_SUCCESS`.
-    ///
-    /// # Errors
-    /// [`Failure`] if the storage fails.
-    pub fn sweep(&self, sweep: Sweep) -> Result<Swept, Failure> {
-        let is_complete =
-            || Ok::<_, Failure>(self.storage.size(layout::SUCCESS)?.is_some() && self.missing()?.is_empty());
-        let is_needed = sweep != Sweep::All && !is_complete()?;
-        self.sweep_folders(sweep, is_needed)
-    }
-
-    pub(crate) fn sweep_folders(&self, sweep: Sweep, is_needed: bool) -> Result<Swept, Failure> {
-        let mut swept = Swept::default();
-        for folder in FOLDERS {
-            self.storage.sweep(folder, sweep, is_needed, &mut swept)?;
-        }
-        Ok(swept)
-    }
 }
 
 /// A dataset's folders, parents last.
 pub(crate) const FOLDERS: [&str; 6] = ["attempts", "scenes", "objects", "meta/shards", "meta", ""];
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::synthetic;
-    use crate::write::finalize::Finalized;
-
-    #[test]
-    fn a_sweep_leaves_the_manifest_of_a_writer_that_completes_the_dataset() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut info = synthetic::info(7, 2, 60, 10);
-        info.grid.resolution = 8;
-        let draft = Draft::begin(folder.path(), &info).unwrap();
-        for shard in 0..2 {
-            let mut writer = draft.shard(shard).unwrap();
-            for scene in info.scenes_of(shard) {
-                writer.push(&synthetic::scene_rows(scene, info.seed, &info)).unwrap();
-            }
-            writer.commit().unwrap();
-        }
-        let staged = draft.storage.stage(layout::MANIFEST).unwrap();
-        let swept = draft.sweep(Sweep::Dead).unwrap();
-        assert_eq!((swept.files, swept.kept), (0, 1));
-        assert!(staged.finish().unwrap().publish_new().unwrap(), "the writer finds its file");
-        std::fs::remove_file(folder.path().join(layout::MANIFEST)).unwrap();
-        assert!(matches!(draft.finalize(), Ok(Finalized::Complete(_))));
-        let unneeded = draft.storage.stage(layout::MANIFEST).unwrap();
-        let swept = draft.sweep(Sweep::Dead).unwrap();
-        assert_eq!((swept.files, swept.kept), (1, 0), "the dataset is complete");
-        drop(unneeded);
-    }
-}

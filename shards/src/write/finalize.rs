@@ -7,8 +7,9 @@ use program::{ExitCode, Failure};
 
 use crate::format::summary::{Manifest, ShardSummary};
 use crate::format::{layout, seal};
-use crate::store::{Sweep, file_name, size_in};
+use crate::store::{file_name, size_in};
 use crate::write::card;
+use crate::write::draft::FOLDERS;
 use crate::{Draft, Table};
 
 /// The result of completing a dataset.
@@ -102,7 +103,7 @@ impl Draft {
         }
         self.storage.publish_new(layout::SUCCESS, b"")?;
         // The dataset is complete even if this fails. Writers that are still running find everything in place.
-        if let Err(error) = self.sweep_folders(Sweep::Dead, false) {
+        if let Err(error) = FOLDERS.iter().try_for_each(|folder| self.storage.sweep(folder)) {
             tracing::warn!(%error, "leftovers of killed writers were not removed");
         }
         Ok(Finalized::Complete(manifest))
