@@ -1,6 +1,5 @@
 //! `graspmill pipeline`: from a gripper to a judge's weights in one command.
 
-mod card;
 mod steps;
 
 use std::fs;
@@ -13,7 +12,6 @@ use program::{Context, ExitCode, Failure, print, stop_on_signals, write};
 
 use crate::execute;
 use crate::parse::one_of;
-use card::card;
 use steps::{MANY_GRIPPERS, Objects, Pipeline, Views, is_known, must_answer_for};
 
 /// Make a judge for a gripper, from data to weights
@@ -29,7 +27,7 @@ pub(crate) struct Arguments {
     /// The gripper: a built-in name, the path of a file that ends in .toml (docs/own-gripper.md), or any_jaw for a
     /// judge that serves every gripper within ranges.
     gripper: String,
-    /// The folder of datasets, weights, settings, evaluation, and README.md, the card of the weights.
+    /// The folder of datasets, weights, settings, evaluation and experiments.
     #[arg(long)]
     out: PathBuf,
     /// Attempts of all rounds together.
@@ -114,9 +112,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             return ended;
         }
     }
-    let (weights, path) = (pipeline.out.join("judge.safetensors"), pipeline.out.join("README.md"));
+    let weights = pipeline.out.join("judge.safetensors");
     fs::copy(pipeline.weights(), &weights).context(format_args!("failed to write {}", weights.display()))?;
-    write(&path, card(&pipeline, &steps)?)?;
-    print(format_args!("\nweights  {}\ncard     {}\n", weights.display(), path.display()))?;
+    print(format_args!("\nweights  {}\n", weights.display()))?;
     Ok(ExitCode::Ok)
 }

@@ -211,7 +211,7 @@ fn origin(one: &Played) -> [Block; 4] {
 }
 
 /// A rate with its interval in words.
-pub(crate) fn share(interval: Option<Interval>) -> String {
+fn share(interval: Option<Interval>) -> String {
     interval.map_or("–".to_owned(), |Interval { value, low, high }| {
         format!("{} ({:.1} to {:.1})", percent(value), 100.0 * low, 100.0 * high)
     })

@@ -51,7 +51,7 @@ const SPANNED: &str = "spanned_share=0.75";
 /// In experiments lies what the gripper can span.
 const VIABLE: &str = "objects.viable_only=true";
 /// Rounds of an experiment, on a seed that nothing is tuned on.
-pub(super) const ROUNDS: u32 = 100;
+const ROUNDS: u32 = 100;
 
 words! {
     /// From where scenes are seen.
