@@ -15,7 +15,6 @@ pub const FORMAT: &str = "graspmill-view/1";
 
 /// A 3-D view.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct View {
     /// [`FORMAT`].
     pub format: String,
@@ -42,7 +41,6 @@ pub struct View {
 
 /// A number that is known of some lines, from weak to strong.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Measure {
     /// Its name, with its unit.
     pub name: String,
@@ -56,7 +54,6 @@ pub struct Measure {
 
 /// A convex polyhedron.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Body {
     /// Its class; members of a class look alike and are shown or hidden together.
     pub class: Class,
@@ -72,7 +69,6 @@ pub struct Body {
 
 /// A polyline, or points of one kind.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Line {
     /// Its class.
     pub class: Class,
@@ -86,7 +82,6 @@ pub struct Line {
 
 /// A frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Frame {
     /// Seconds since the first frame.
     pub time_s: f32,
@@ -94,7 +89,6 @@ pub struct Frame {
 
 /// An event.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Event {
     /// Its frame.
     pub frame: usize,
@@ -120,7 +114,6 @@ pub enum EventKind {
 
 /// A key with its value, shown beside the view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Fact {
     /// The key.
     pub key: String,

@@ -46,9 +46,6 @@ pub struct ClassWeights {
 }
 
 impl ClassWeights {
-    /// The paper's weights: 1 for both.
-    pub const EQUAL: Self = Self { positive: 1.0, negative: 1.0 };
-
     /// A positive has `positive_weight` times the weight of a negative, where `positives` of `samples` are positive.
     /// (1 − share) / share gives both classes equal weight.
     #[must_use]
@@ -282,7 +279,7 @@ mod tests {
         let weights = ClassWeights::new(3.0, 25, 100);
         assert_eq!(weights, ClassWeights { positive: 2.0, negative: 2.0 / 3.0 });
         assert!((0.25 * weights.positive + 0.75 * weights.negative - 1.0).abs() < 1e-6);
-        assert_eq!(ClassWeights::new(1.0, 31, 97), ClassWeights::EQUAL);
+        assert_eq!(ClassWeights::new(1.0, 31, 97), ClassWeights { positive: 1.0, negative: 1.0 });
         for (label, logit) in [(0_u8, -1.3_f32), (0, 0.4), (1, -1.3), (1, 0.4)] {
             let weight = weights.of(label);
             let target = Target {
