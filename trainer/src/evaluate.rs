@@ -1,5 +1,5 @@
 //! Evaluates a checkpoint on a dataset: accuracy, precision, recall and confusion, also by shape and by rule;
-//! precision–recall and calibration; errors of the grasps.
+//! ranking and calibration; errors of the grasps.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -62,7 +62,7 @@ pub struct Evaluation {
     pub all: Summary,
     /// 95 % interval of its accuracy by bootstrap over scenes; `None` for fewer than two scenes.
     pub accuracy_95_by_scene: Option<(f64, f64)>,
-    /// Precision–recall and the areas.
+    /// Average precision and the area under the ROC curve.
     pub ranking: Ranking,
     /// Predicted against observed shares.
     pub calibration: Calibration,

@@ -1,4 +1,4 @@
-//! Scores of the predicted qualities of a set besides the accuracy at ½: ranking (precision–recall, ROC), calibration,
+//! Scores of the predicted qualities of a set besides the accuracy at ½: ranking (average precision, ROC), calibration,
 //! errors of the grasps, and confidence intervals for samples that are correlated within a scene.
 
 use network::checkpoint::Confusion;
@@ -30,30 +30,14 @@ pub(crate) fn score<A>(result: &SampleResult<A>) -> Score {
 }
 
 /// How well qualities rank attempts.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Ranking {
     /// Σ (Rₙ − Rₙ₋₁) Pₙ over falling thresholds; `None` if nothing held.
     pub average_precision: Option<f64>,
     /// Area under the ROC curve: the probability that a held grasp scores above a failed one, ties counting half;
     /// `None` unless both exist.
     pub roc_auc: Option<f64>,
-    /// Precision and recall by falling threshold, at most [`POINTS_MAX`]; none if nothing held.
-    pub precision_recall: Vec<OperatingPoint>,
 }
-
-/// Precision and recall at a threshold of the quality.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct OperatingPoint {
-    /// The threshold: the lowest quality that counts as a success.
-    pub threshold: f64,
-    /// Precision: the share of these that held.
-    pub precision: f64,
-    /// Recall: the share of held attempts among these.
-    pub recall: f64,
-}
-
-/// Maximum number of stored points of a precision–recall curve.
-pub const POINTS_MAX: usize = 200;
 
 /// The ranking of scores in any order.
 #[must_use]
@@ -63,31 +47,19 @@ pub fn ranking(scores: &[Score]) -> Ranking {
     let positives = sorted.iter().filter(|score| score.held).count();
     let negatives = sorted.len() - positives;
     let (mut held, mut failed) = (0_usize, 0_usize);
-    let (mut points, mut precision_sum, mut wins) = (Vec::new(), 0.0, 0.0);
+    let (mut precision_sum, mut wins) = (0.0, 0.0);
     for tied in sorted.chunk_by(|a, b| a.logit == b.logit) {
         let held_here = tied.iter().filter(|score| score.held).count();
         let failed_here = tied.len() - held_here;
         wins += failed_here as f64 * (held as f64 + held_here as f64 / 2.0);
         held += held_here;
         failed += failed_here;
-        let precision = held as f64 / (held + failed) as f64;
-        precision_sum += held_here as f64 * precision;
-        let recall = held as f64 / positives.max(1) as f64;
-        points.push(OperatingPoint { threshold: tied[0].quality(), precision, recall });
+        precision_sum += held_here as f64 * (held as f64 / (held + failed) as f64);
     }
     Ranking {
         average_precision: (positives > 0).then(|| precision_sum / positives as f64),
         roc_auc: (positives > 0 && negatives > 0).then(|| wins / (positives as f64 * negatives as f64)),
-        precision_recall: if positives > 0 { thinned(&points) } else { Vec::new() },
     }
-}
-
-/// The first and the last point, and evenly spaced ones between them.
-fn thinned(points: &[OperatingPoint]) -> Vec<OperatingPoint> {
-    if points.len() <= POINTS_MAX {
-        return points.to_vec();
-    }
-    (0..POINTS_MAX).map(|at| points[at * (points.len() - 1) / (POINTS_MAX - 1)]).collect()
 }
 
 /// How well qualities agree with observed frequencies.
@@ -256,8 +228,6 @@ mod tests {
         let ranking = ranking(&scores(&[(0.1, false), (0.4, false), (0.35, true), (0.8, true)]));
         assert!((ranking.average_precision.unwrap() - 0.833_333_333).abs() < 1e-9);
         assert_eq!(ranking.roc_auc, Some(0.75));
-        let pairs: Vec<(f64, f64)> = ranking.precision_recall.iter().map(|at| (at.precision, at.recall)).collect();
-        assert_eq!(pairs, [(1.0, 0.5), (0.5, 0.5), (2.0 / 3.0, 1.0), (0.5, 1.0)]);
     }
 
     #[test]
@@ -265,18 +235,8 @@ mod tests {
         let held = ranking(&scores(&[(0.0, true), (1.0, true)]));
         assert_eq!((held.average_precision, held.roc_auc), (Some(1.0), None));
         let failed = ranking(&scores(&[(0.0, false)]));
-        assert_eq!((failed.average_precision, failed.roc_auc, failed.precision_recall.len()), (None, None, 0));
+        assert_eq!((failed.average_precision, failed.roc_auc), (None, None));
         assert_eq!(ranking(&[]).roc_auc, None);
-    }
-
-    #[test]
-    fn long_curves_are_thinned_and_keep_their_ends() {
-        let many: Vec<Score> =
-            (0..5000).map(|at| Score { logit: at as f32 / 500.0 - 5.0, held: at % 3 == 0 }).collect();
-        let points = ranking(&many).precision_recall;
-        assert_eq!(points.len(), POINTS_MAX);
-        assert_eq!(points[POINTS_MAX - 1].recall, 1.0);
-        assert!(points.is_sorted_by(|a, b| a.threshold > b.threshold && a.recall <= b.recall));
     }
 
     #[test]

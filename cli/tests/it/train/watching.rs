@@ -64,12 +64,6 @@ fn a_run_is_drawn_and_an_evaluation_reported() {
     let confusion = &found["all"]["confusion"];
     let held = confusion["true_positive"].as_u64().unwrap() + confusion["false_negative"].as_u64().unwrap();
     assert_eq!(found["errors"]["samples"], held);
-    let curve = found["ranking"]["precision_recall"].as_array().unwrap();
-    assert_eq!(curve.last().unwrap()["recall"], 1.0);
-    // At the first point at or below quality ½ recall is at least what it is at ½.
-    let recall = found["all"]["recall"].as_f64().unwrap();
-    let below = curve.iter().find(|point| point["threshold"].as_f64().unwrap() <= 0.5);
-    assert!(below.is_none_or(|point| point["recall"].as_f64().unwrap() >= recall));
 
     let (text, _) = succeed(&["evaluate", "--model", &model, "--data", &fresh, "--split", "all"]);
     for words in ["average precision", "area under the ROC curve", "Brier", "error of rotation", "mm", "0.9 to 1.0"] {
