@@ -47,6 +47,6 @@ pub use packed::draw_packed;
 pub use policy::Policy;
 pub use repeat::{Difference, Repeated, repeat};
 pub use replay::{AttemptId, Replay, replay, replays};
-pub use run::{Event, LOOK_SHARDS_MAX, REJECTED_SHARE_MAX, Rejected, Report, attempts_of, generate};
+pub use run::{Event, LOOK_SHARDS_MAX, REJECTED_SHARE_MAX, Report, attempts_of, generate};
 #[cfg(any(test, fuzzing))]
 pub use tests::fuzzing;

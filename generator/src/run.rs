@@ -48,8 +48,6 @@ pub enum Event {
 pub struct Report {
     /// Rows made by this run, in shards that it committed.
     pub made: Counts,
-    /// Scenes that this run threw away.
-    pub rejected: Rejected,
     /// If the run was stopped before its shards were done, the number of finished scenes of incomplete shards, which
     /// the next one makes again.
     pub stopped: Option<u64>,
@@ -59,11 +57,11 @@ pub struct Report {
 
 /// Scenes that a run threw away.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Rejected {
+struct Rejected {
     /// Scenes that came to rest.
-    pub kept: u64,
+    kept: u64,
     /// Scenes that were thrown away, for any reason.
-    pub thrown_away: u64,
+    thrown_away: u64,
 }
 
 /// The share of rejected scenes above which a run ends, unless another is given. More, and what is left is not what was
@@ -74,8 +72,7 @@ const REJECTED_DEVIATIONS: f64 = 3.0;
 
 impl Rejected {
     /// The share of the scenes that were thrown away.
-    #[must_use]
-    pub fn share(&self) -> f64 {
+    fn share(&self) -> f64 {
         self.thrown_away as f64 / (self.kept + self.thrown_away).max(1) as f64
     }
 
@@ -133,7 +130,7 @@ pub fn generate(
         Ok::<_, Failure>((made, is_stopped?.then_some(finished)))
     })?;
     let looks = is_all || info.shard_count <= LOOK_SHARDS_MAX;
-    Ok(Report { made, rejected, stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
+    Ok(Report { made, stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
 }
 
 /// The missing shards among `wanted`: checks each, or lists all at once if `wanted` is a large part of the dataset.
