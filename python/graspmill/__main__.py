@@ -1,5 +1,4 @@
-"""The program: ``graspmill plan …``, or ``python -m graspmill plan …``. What meets files and programs of others is Python's,
-all else native."""
+"""The program: ``graspmill plan …``, or ``python -m graspmill plan …``."""
 
 import sys
 

@@ -22,7 +22,6 @@ Floats = NDArray[np.float32]
 
 
 def shown(value: object) -> str:
-    """A value, short enough for a message."""
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
@@ -58,7 +57,6 @@ def given(name: str, value: ArrayLike, what: str = "an array of numbers") -> NDA
 
 
 def _is_masked(value: object) -> bool:
-    """Whether it is, or contains, one of NumPy's masked arrays."""
     return isinstance(value, np.ma.MaskedArray) or (isinstance(value, (list, tuple)) and any(map(_is_masked, value)))
 
 
@@ -163,8 +161,7 @@ def table(name: str, value: object) -> dict[Any, Any]:
 def entry(name: str, value: Mapping[Any, Any]) -> Any:
     """A value that a mapping must have; ``name`` ends with its key, after a dot."""
     key = name.rpartition(".")[2]
-    if key not in value:
-        raise InputError(f"{name} must be in the file, got the keys {shown(list(value)[:8])}")
+    must(key in value, f"{name} must be in the file, got the keys {shown(list(value)[:8])}")
     return value[key]
 
 
@@ -181,10 +178,7 @@ def numbers(name: str, value: ArrayLike, shape: tuple[int, ...], *, has_gaps: bo
 
 
 def poses(name: str, value: ArrayLike) -> Floats:
-    """Rigid transforms as ``[N, 7]``: position in metres, then quaternion x, y, z, w.
-
-    Takes ``[N, 7]``, whose unit quaternions keep their bits, or matrices ``[N, 4, 4]``.
-    """
+    """Rigid transforms as ``[N, 7]``, position and unit quaternion x, y, z, w: given so, or as ``[N, 4, 4]``."""
     array = given(name, value)
     if array.shape == (0,):
         return np.empty((0, 7), np.float32)

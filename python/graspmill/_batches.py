@@ -14,13 +14,10 @@ class _Shared(TypedDict, total=False):
 
 
 class Batch(_Shared):
-    """``B`` samples of ``S`` scenes, each with one grid.
-
-    ``tsdf`` is ``[S, 1, 40, 40, 40]``. The others have ``B`` entries: ``scene`` (index into ``tsdf``), ``voxel``
-    ``[B, 3]`` (x, y, z), ``label`` (1 if the attempt held), ``rotation`` ``[B, 4]`` (quaternion x, y, z, w), ``width``
-    (opening in voxels; 0 unless the attempt held). A stream of one of several ranks adds ``share`` ``[1]``: times it, a
-    rank's mean loss counts for its samples, so that the mean over the ranks is that over all samples of the step.
-    """
+    """``B`` samples of ``S`` scenes: ``tsdf`` ``[S, 1, 40, 40, 40]``, and ``B`` times ``scene`` (index into it),
+    ``voxel`` (x, y, z), ``label`` (1 if the attempt held), ``rotation`` (quaternion x, y, z, w) and ``width`` (opening
+    in voxels; 0 unless it held). One of several ranks adds ``share`` ``[1]``: its mean loss counts times that, so that
+    the mean over the ranks is the mean over all samples of the step."""
 
     tsdf: Tensor
     scene: Tensor
@@ -31,12 +28,10 @@ class Batch(_Shared):
 
 
 class GraspCropBatch(_Shared):
-    """``B`` grasps as a judge sees them (:func:`graspmill.grasp_crops`).
-
-    ``crop`` ``[B, 4, 8, 20, 28]``, ``context`` ``[B, 3, 12, 8, 8]``, ``features`` ``[B, 16]``, ``outcome`` (index into
-    ``graspmill.OUTCOMES``), ``label`` (1 if the attempt held), ``hits_table`` (bool: the grasp fails for certain, so
-    the judge need not be asked; the training set has no such grasps), and ``share`` as in :class:`Batch`.
-    """
+    """``B`` grasps as a judge sees them (:func:`graspmill.grasp_crops`): ``crop`` ``[B, 4, 8, 20, 28]``, ``context``
+    ``[B, 3, 12, 8, 8]``, ``features`` ``[B, 16]``, ``outcome`` (index into ``graspmill.OUTCOMES``), ``label`` (1 if the
+    attempt held), ``hits_table`` (bool: it fails for certain; the training set has none such), and ``share`` as in
+    :class:`Batch`."""
 
     crop: Tensor
     context: Tensor

@@ -1,5 +1,4 @@
-"""Commands of the program that read or write formats of others, or ask the planner of others, wholly or before the native
-half goes on."""
+"""Commands that meet formats or planners of others: all of them, or what comes before the native half."""
 
 import argparse
 import os

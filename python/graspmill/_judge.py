@@ -73,16 +73,13 @@ class Judge(nn.Module):
         return cast(Tensor, self(batch["crop"], batch["context"], batch["features"]))
 
     def outcomes(self, batch: GraspCropBatch) -> Tensor:
-        """Probabilities of ``graspmill.OUTCOMES``, ``[B, 6]``; the last is that of ``held``. A grasp with ``hits_table``
-        fails whatever the judge says."""
+        """Probabilities of ``graspmill.OUTCOMES``, ``[B, 6]``, last ``held``, for what ``hits_table`` does not fail."""
         return self.at(batch)[:, : len(OUTCOMES)].softmax(dim=1)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Judge:
         """The judge of a checkpoint: ``best.safetensors`` or ``last.safetensors`` of a run, or a file of :meth:`save`.
-
-        Raises InputError if the file has the weights of another network; DataError if it is damaged.
-        """
+        Raises InputError if the file has the weights of another network; DataError if it is damaged."""
         from safetensors import safe_open
 
         path = _arrays.path("path", path)
@@ -98,16 +95,12 @@ class Judge(nn.Module):
         return judge
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a checkpoint, which appears whole or not at all.
-
-        Raises DataError if a weight is not finite: its training diverged.
-        """
+        """Writes a checkpoint, whole or not at all. Raises DataError if a weight is not finite: it diverged."""
         save_checkpoint(self, path, _ARCHITECTURE, {"trained_for": self.trained_for}, self.dataset_id, self.config)
 
 
 def judge_loss(logits: Tensor, batch: GraspCropBatch) -> Tensor:
-    """The trainer's loss of a judge's outcomes, a scalar: the mean cross-entropy of logits ``[B, 6]``; a seventh counts for
-    nothing."""
+    """The trainer's loss of a judge, a scalar: the mean cross-entropy of the first six logits of each grasp."""
     return F.cross_entropy(logits[:, : len(OUTCOMES)], batch["outcome"])
 
 

@@ -1,8 +1,6 @@
-"""Which samples a process takes in an epoch, and in which order: a function of seeds and counts alone, which reads no grid.
-
-A process is a worker of a rank. Ranks have runs of scenes of their own, or share every batch. Both orders can begin at any
-step, because what comes before it is drawn and left out.
-"""
+"""Which samples a process takes in an epoch, and in which order: a function of seeds and counts alone, which reads no
+grid. A process is a worker of a rank. Ranks have runs of scenes of their own, or share every batch. Both orders can
+begin at any step, because what comes before it is drawn and left out."""
 
 from bisect import bisect_right
 from dataclasses import dataclass
@@ -82,10 +80,7 @@ class Order:
         return blocks
 
     def turns(self, epoch: int, workers: int) -> list[Turns]:
-        """The steps of the ranks, or those of all together where they share batches.
-
-        Raises InputError if a rank would have no sample at a step.
-        """
+        """The steps of the ranks, or those of all together where they share batches. Each has samples of every rank."""
         counts = [self._worker_counts(epoch, run, workers) for run in range(self.runs)]
         least = [-(-one // self.batch) for one in counts]
         if self.is_shared:
@@ -97,11 +92,8 @@ class Order:
         return [self._turns(own, made, steps) for own, made in zip(counts, least)]
 
     def taken(self, epoch: int, start: int, worker: int, workers: int) -> Iterator[Drawn]:
-        """The batches of one of this rank's workers from a step on.
-
-        A mean of the ranks' mean losses is the mean over all of a step's samples if each is multiplied by the rank's
-        share: its samples times the number of ranks, divided by the samples of all.
-        """
+        """The batches of one of this rank's workers from a step on. The mean of the ranks' mean losses is that over all
+        of a step's samples if each is multiplied by the rank's share: its samples times the ranks, over all samples."""
         turns = self.turns(epoch, workers)
         own = turns[self.rank % self.runs]
         steps = len(own.size)

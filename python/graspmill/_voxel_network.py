@@ -77,12 +77,10 @@ class VoxelNetwork(nn.Module):
         return torch.sigmoid(self.conv_qual(x)), F.normalize(self.conv_rot(x), dim=1), self.conv_width(x)
 
     def heads(self, tsdf: Tensor) -> dict[str, Tensor]:
-        """The answers by closing direction, each ``[B, channels, 40, 40, 40]``.
-
-        ``quality_logit`` and ``width`` (voxels) have 3 channels a, b, c of a + b cos 2t + c sin 2t at turn t; ``approach`` is a
-        unit vector; ``turn_logits`` are of 15 turns over half a turn, of which the softmax says how likely each is that of a
-        grasp that holds; ``tips`` is the point between the finger tips from the middle of the voxel, in voxels.
-        """
+        """The answers by closing direction, each ``[B, channels, 40, 40, 40]``: ``quality_logit`` and ``width``
+        (voxels) have 3 channels a, b, c of a + b cos 2t + c sin 2t at turn t; ``approach`` is a unit vector; the
+        softmax of ``turn_logits`` says how likely each of 15 turns over half a turn is that of a grasp that holds;
+        ``tips`` is the point between the finger tips from the middle of the voxel, in voxels."""
         _arrays.must(self.head == "closings", "the network has the paper's head: heads are those of head='closings'")
         x = self.features(tsdf)
         names = ("quality_logit", "approach", "turn_logits", "width", "tips")
@@ -99,14 +97,10 @@ class VoxelNetwork(nn.Module):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> VoxelNetwork:
-        """The network with the weights, the upsampling and the origin of a file.
-
-        It is a checkpoint, or a state dict of VGN's network, as safetensors or of ``torch.save``, alone or under ``"state_dict"``,
-        ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so VGN's are used: nearest upsampling, and the
-        origin 50 mm behind the finger tips, in the lower corner of its voxel.
-
-        Raises DataError if it is a checkpoint that is damaged.
-        """
+        """The network of a checkpoint, or of a state dict of VGN's network, as safetensors or of ``torch.save``, alone
+        or under ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so
+        VGN's are used: nearest upsampling, and the origin 50 mm behind the finger tips, in the lower corner of its
+        voxel. Raises DataError if a checkpoint is damaged."""
         stated: dict[str, Any] = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
         with open(path, "rb") as file:
             first = file.read(9)
@@ -131,10 +125,7 @@ class VoxelNetwork(nn.Module):
         return net
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a checkpoint.
-
-        Raises DataError if a weight is not finite: its training diverged.
-        """
+        """Writes a checkpoint, whole or not at all. Raises DataError if a weight is not finite: it diverged."""
         own = {name: getattr(self, name) for name in ("upsampling", "origin_behind_tips_m", "voxel_offset")}
         save_checkpoint(self, path, "closings-conv-40" if self.head == "closings" else "vgn-conv-40", own)
 

@@ -29,16 +29,15 @@ def annotate(
         object: An object, whose pose does not matter; a mesh as for :meth:`Object.mesh`, with its mass and friction; or the path of
             a mesh, of a URDF or an MJCF (``pip install graspmill[descriptions]``) or of a catalogue of one object.
         gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file; ``parallel_jaw_80`` by default.
-        grasps: Number of grasps; with ``held_only`` only those that hold count and are kept.
+        grasps: Number of grasps, drawn by ``seed``; with ``held_only`` only those that hold count and are kept.
         given: Grasps of somebody else to be labelled instead, ``object_from_grasp``, ``[N, 4, 4]`` or ``[N, 7]``.
         test: What the object must bear: ``lift``, ``turn``, ``tug`` or ``shake``.
         shares: Shares of antipodal, normal and displaced grasps.
         touch_m: An object that the open gripper would touch on its way is pushed aside, at most so far; 0 for a collision.
         margins: Whether to measure the smallest friction and the strongest pull of each that holds.
-        repeats: Most repeats of each, with errors of pose, friction, mass and force: two where all end alike, 0 for none. ``drops`` is
-            the number of drops that find the object's stable poses.
+        repeats: Most repeats of each, with errors of pose, friction, mass and force: two where all end alike.
+        drops: Number of drops that find the object's stable poses.
         scale: Metres per unit of a mesh; by default guessed from its size.
-        seed: Seed of every draw; ``threads`` is the number of threads, by default one per core.
         progress: Is told how many grasps there are; an exception that it raises stops the work.
 
     Warns of what was guessed of a file or is unusual about it: ``info["object"]["warnings"]``. Raises InputError for what is wrong.

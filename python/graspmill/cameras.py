@@ -28,8 +28,7 @@ class Camera:
         width_px: Pixels in a row; ``height_px`` is the number of rows.
         fx_px: Focal length along u, in pixels; ``fy_px`` is along v.
         cx_px: Principal point, u, and ``cy_px``, v; pixel centres are whole numbers.
-        workspace_from_camera: Its pose: ``[4, 4]``, position and quaternion ``[7]``, or a position ``[3]``; ``None`` if it is not
-            known: :meth:`Planner.plan` then finds the table.
+        workspace_from_camera: Its pose, ``[4, 4]``, ``[7]`` or ``[3]``; if ``None``, a plan finds the table.
         convention: The axes of that pose: ``"opencv"`` (x right, y down, z forward) or ``"opengl"`` (x right, y up, z back).
     """
 

@@ -29,7 +29,6 @@ Progress = Callable[[int, int, int], None]
 
 
 def _location(path: str | os.PathLike[str]) -> str:
-    """A dataset's place, also for a process with another current folder."""
     text = _arrays.path("the dataset", path)
     return text if "://" in text else os.path.abspath(text)
 
@@ -44,10 +43,9 @@ def generate(
     policy: str | os.PathLike[str] | None = None, settings: Mapping[str, Any] | None = None, rejected_max: float = 0.1,
     threads: int | None = None, progress: Progress | None = None,
 ) -> Dataset:  # fmt: skip
-    """Generates a dataset, or continues it. It has the same bytes as that of ``graspmill generate``.
+    """Generates a dataset in a folder or at a URL, or continues it, with the bytes of ``graspmill generate``.
 
     Args:
-        out: The folder or URL of the dataset.
         config: ``"paper"``, which comes with the package, or the path of a config.
         gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file, in place of the config's.
         shards: Number of shards, like ``attempts`` and ``seed`` in place of the config's.
@@ -80,8 +78,8 @@ def generate(
 
 
 class Table:
-    """The rows of a table, which are read on request. It is an Arrow stream (``__arrow_c_stream__``) for
-    ``polars.DataFrame``, ``pyarrow.table`` or ``pandas.DataFrame.from_arrow``, and can be read several times."""
+    """The rows of a table, read on request as often as it is asked for: an Arrow stream (``__arrow_c_stream__``) for
+    ``polars.DataFrame``, ``pyarrow.table`` or ``pandas.DataFrame.from_arrow``."""
 
     def __init__(self, dataset: _native.Dataset, name: str, shards: range, grids: bool) -> None:
         self._dataset, self.name, self._shards, self._grids = dataset, name, shards, grids
@@ -108,13 +106,12 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class StoredScene:
-    """A scene of a dataset, whose number is ``scene_id``, the ``cameras`` that saw it and the ``outcomes`` of its attempts.
+    """A scene of a dataset, the ``cameras`` that saw it, the ``outcomes`` of its attempts and ``rules`` that drew them.
 
     Attributes:
         scene: Its objects at rest. :func:`graspmill.execute` uses the simulation of the dataset for it.
         tsdf: ``[resolution] * 3`` float32 (x, y, z) in VGN's values: (tsdf + 1) / 2 where observed, else 0.
         workspace_from_grasp: ``[N, 7]`` float32, the poses of its attempts: position in metres, quaternion x, y, z, w.
-        rules: ``[N]``, the names of the rules by which the attempts were drawn.
     """
 
     scene_id: int
@@ -137,9 +134,8 @@ class StoredScene:
         return Page(self._dataset.replay_page(self.scene_id, number))
 
     def export(self, folder: str | os.PathLike[str], format: str = "mjcf") -> None:
-        """Writes the scene for a simulator into a folder, as ``graspmill dataset export`` does (``docs/exporting.md``): ``"mjcf"``
-        for MuJoCo, ``"urdf"`` for PyBullet and others, ``"usda"`` for Isaac Sim and others. Files of the same names are replaced.
-        """
+        """Writes the scene as ``graspmill dataset export`` does (``docs/exporting.md``): ``"mjcf"`` for MuJoCo,
+        ``"urdf"`` for PyBullet and others, ``"usda"`` for Isaac Sim and others. It replaces files of the same names."""
         from .formats.scenes import export_scene, outside
 
         where = Path(_arrays.path("folder", folder))
@@ -155,11 +151,9 @@ class StoredScene:
 
 
 class Dataset:
-    """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``). Rows are read on request. A
-    pickled dataset is opened again where it is unpickled.
-
-    Raises InputError if there is no dataset; IncompleteError if shards are missing; DataError if it is visibly damaged.
-    """
+    """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``), whose rows are read
+    on request. Pickle opens it again. Raises InputError if there is none, IncompleteError if shards are missing,
+    DataError if it is visibly damaged."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._native = _native.Dataset(_location(path))

@@ -33,7 +33,7 @@ class Look:
     Attributes:
         depths: Of each camera the depth image, ``[height, width]`` float32 in metres along its z; 0 or NaN where nothing was seen.
         cameras: The cameras, as :meth:`Planner.plan` takes them.
-        objects: Of each camera the object that each pixel shows in truth, ``[height, width]`` int32, from 0; −1 where it shows none.
+        objects: Of each camera the object that each pixel shows in truth, ``[height, width]`` int32; −1 for none.
         object_count: Number of objects on the table; some may be hidden.
         failed: ``[N, 4, 4]``, grasps that failed on this scene, if the experiment tells them (``stop.avoid_failed``).
         down: The direction of gravity, ``[3]``.
@@ -75,8 +75,7 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class ExperimentResults:
-    """The results of an experiment, counts, and rates with intervals, as ``report.json`` of its ``folder`` has them; tables and
-    pages are there, too (``docs/experiments.md``)."""
+    """The results of an experiment: counts, and rates with intervals; its ``folder`` has more."""
 
     folder: Path
     results: dict[str, Any]
@@ -96,10 +95,9 @@ def experiment(
     seed: int | None = None, settings: Mapping[str, Any] | None = None, threads: int | None = None,
     progress: Progress | None = None,
 ) -> ExperimentResults:  # fmt: skip
-    """Clears tables in simulation and counts, or continues that: ``graspmill experiment run``, with its files.
+    """Clears tables in simulation and counts, or continues that, in a folder: ``graspmill experiment run``.
 
     Args:
-        out: The folder of the experiment; created if missing.
         config: ``"pile"`` or the path of an experiment's file (``configs/experiment``).
         planner: A function of a :class:`Look` that returns a :class:`Plan`, or a tuple of grasps in the frame of the look: poses
             ``[N, 4, 4]`` or ``[N, 7]``, scores ``[N]`` and, if it knows them, widths ``[N]`` of what is held, in metres. The grasp
@@ -118,19 +116,18 @@ def experiment(
     **round** is over (``no_answer``, with the reason in ``journal.jsonl``), not the run. No grasps are an answer.
     """
     _arrays.must(planner is not None or name is None, "name goes with planner: our own has a name")
+    more = ({} if rounds is None else {"rounds": rounds}) | ({} if seed is None else {"seeds": [seed]})
+    pairs = setting_pairs(settings) + setting_pairs(more)
     if planner is not None:
         _arrays.must(callable(planner), "planner must be a function of a graspmill.Look", planner)
         own = f"{getattr(planner, '__module__', '')}.{getattr(planner, '__qualname__', type(planner).__qualname__)}"
         name = own if name is None else _arrays.text("name", name)
+        check_keys(pairs)
     folder = Path(os.path.abspath(_arrays.path("out", out)))
     file = None if config == "pile" else os.path.abspath(_arrays.path("config", config))
-    more = ({} if rounds is None else {"rounds": rounds}) | ({} if seed is None else {"seeds": [seed]})
-    pairs = setting_pairs(settings) + setting_pairs(more)
     count = (os.cpu_count() or 1) if threads is None else _arrays.whole("threads", threads, 1, 1024)
     command = f"graspmill.experiment({str(out)!r}, {str(config)!r}{f', planner={name}' if name else ''})"
     _arrays.must(progress is None or callable(progress), "progress must be a function", progress)
-    if planner is not None:
-        check_keys(pairs)
     who = None if name is None else (f"function-{name}", f"the function {name}")
     play(_native.Experiment(folder, file, pairs, who, command, count), planner, progress)
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))

@@ -22,15 +22,13 @@ class Gripper:
     frame: z is the approach, y the closing direction. The fingers reach from z = −``finger_length_m`` to z = 0.
 
     Args:
-        name: Name of the gripper.
         opening_m_max: Distance between the fingers' inner faces when open.
         finger_length_m: Finger length along z; ``finger_width_m`` is along x, ``finger_thickness_m`` along y.
         palm_length_m: Palm length along z; ``palm_width_m`` is along x, ``palm_breadth_m`` along y.
         finger_mass_kg: Mass of a finger; ``finger_force_n`` and ``closing_speed_m_s`` are its closing force and speed.
         friction: Friction coefficient of the fingers and the palm.
         clearance_m: The approaching gripper counts as colliding with anything nearer than this.
-        flange_from_grasp: The grasp frame in the frame of the robot's flange, ``[4, 4]``, ``[7]`` or ``[3]``; with it, plans also
-            have the poses of the flange.
+        flange_from_grasp: The grasp frame in the flange's, ``[4, 4]``, ``[7]`` or ``[3]``; plans then have both poses.
         finger_tip: Thickness and length of the part of the fingers at their tips that is thinner, if there is one.
     """
 

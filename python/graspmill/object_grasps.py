@@ -39,7 +39,6 @@ class ObjectGrasps:
     Arrays that are not given are unknown: NaN in every entry. :func:`dataclasses.replace` makes a set with other values.
 
     Args:
-        name: The object's name.
         object_from_grasp: ``[N, 4, 4]``: +z approach, +y closing direction, origin midway between the tips, in metres.
         held: ``[N]`` bool, whether the object bore the test in the gripper; ``None`` where a file has no labels.
         outcome: ``[N]``, names of ``graspmill.OUTCOMES``; ``None`` where a file has none.
@@ -134,12 +133,9 @@ class ObjectGrasps:
         return replace(self, **values)
 
     def best(self, n: int) -> ObjectGrasps:
-        """The strongest grasps that held, at most ``n``, strongest first, and none within 20 mm and 30° of a stronger one (half turns are
-        equal), as ``graspmill objects annotate --best`` keeps them. The strength is ``tug_max_g`` times ``p_held`` times ``score``, as far
-        as they are known; where ``held`` is ``None``, all grasps are asked.
-
-        Raises InputError if ``n`` is not a whole number from 1 on.
-        """
+        """The strongest grasps that held, at most ``n`` and strongest first, of which none is within 20 mm and 30° (or
+        half a turn) of a stronger one, as ``graspmill objects annotate --best`` keeps them: by ``tug_max_g`` times
+        ``p_held`` times ``score``, as far as they are known. Where ``held`` is ``None``, all grasps count."""
         count = _arrays.whole("n", n, 1, GRASPS_MAX)
         likely = _factor(self.p_held)
         left = np.lexsort((-likely, -_factor(self.tug_max_g) * likely * _factor(self.score)))
@@ -153,11 +149,8 @@ class ObjectGrasps:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ObjectGrasps:
-        """A set of ``graspmill objects annotate``: its ``NAME.parquet``, with ``NAME.json`` beside it. Needs pyarrow: ``pip install
-        graspmill[grasps]``.
-
-        Raises InputError if a file is missing, damaged, or of something else.
-        """
+        """A set of ``graspmill objects annotate``: its ``NAME.parquet``, with ``NAME.json`` beside it
+        (``graspmill[grasps]``). Raises InputError if a file is missing, damaged, or of something else."""
         from .formats import grasps
 
         return grasps.read(path, "parquet")
@@ -166,12 +159,9 @@ class ObjectGrasps:
         self, path: str | os.PathLike[str], format: Format | None = None, *, base_to_tips_m: float | None = None,
         gripper: GripperLike | None = None, closing_axis: Axis | None = None,
     ) -> Path:  # fmt: skip
-        """Writes a file for other projects, as ``graspmill objects annotate --format`` does, and returns its path. An existing file
-        stays until it is replaced by the whole one. The arguments are those of :func:`graspmill.read_grasps`, without Parquet;
-        ``base_to_tips_m`` is in place of the set's, for ACRONYM 0.1122 m.
-
-        Raises InputError if the format needs labels or the distance, and the set has none; OutsideError if the disk fails.
-        """
+        """Writes a file for other projects, as ``graspmill objects annotate --format`` does, and returns its path.
+        Arguments are those of :func:`graspmill.read_grasps`, without Parquet; ``base_to_tips_m`` is by default the
+        set's, for ACRONYM 0.1122 m. Raises InputError if the format needs labels or the distance and has none."""
         from .formats import grasps
 
         return grasps.write(self, path, format, base_to_tips_m, gripper, closing_axis)

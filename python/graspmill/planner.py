@@ -110,8 +110,7 @@ class Planner(Immutable):
     Args:
         config: ``"judge"``, ``"paper"`` or ``"vgn"``, which come with the package, or the path of a settings file.
         model: The file of a network, in place of the one in the settings.
-        gripper: A :class:`Gripper`, the name of a built-in one, such as ``"franka_hand"``, or the path of a file; by default the
-            one in the settings.
+        gripper: A :class:`Gripper`, a built-in one's name or a file's path; by default the one in the settings.
         threads: Number of threads, by default one per core; it never changes the plan.
 
     Raises InputError if a file does not hold a network or settings, or the network was not trained for the gripper.
@@ -150,10 +149,8 @@ class Planner(Immutable):
         """Plans from depth images, with :class:`PlanOptions`.
 
         Args:
-            depths: One image or several, ``[height, width]`` float, in metres along the camera's z; 0 or NaN where
-                nothing was seen.
-            cameras: The camera of each image. If the first has no pose, the table is found, the workspace put on it, and the
-                poses of the others are in the first one's frame.
+            depths: One image or several, ``[height, width]`` float, in metres along z; 0 or NaN where nothing was seen.
+            cameras: Of each image. If the first has no pose, the table is found; the others' poses are in its frame.
             mask: For each image a mask of the target, ``[height, width]`` bool or uint8, or ``None``.
         """
         if isinstance(cameras, Camera):
@@ -174,10 +171,8 @@ class Planner(Immutable):
 
         Args:
             points_m: ``[N, 3]`` in metres; points outside the workspace are dropped.
-            object_m: ``[M, 3]``, the points of what to grasp, in the cloud's frame; the cloud has the rest of the scene, and may have
-                them, too. By default anything is grasped.
-            eyes_m: ``[M, 3]``, positions of the sensors in the cloud's frame; by default straight above or, of a cloud in another
-                frame than the workspace, its origin.
+            object_m: ``[M, 3]``, the points of what to grasp, which the cloud may have, too; by default it is anything.
+            eyes_m: ``[M, 3]``, the sensors in the cloud's frame; by default above, in another frame its origin.
             workspace_from_cloud: The cloud's frame in the workspace, ``[4, 4]``, ``[7]`` or ``[3]``; by default the same. Or
                 ``"table"``: the cloud is in its camera's optical frame, the table is found, and the workspace put on it.
         """
@@ -188,14 +183,13 @@ class Planner(Immutable):
         if object_m is not None:
             _arrays.must(options.get("target_m") is None, "object_m and target_m must not both be given")
             thing = _arrays.floats("object_m", object_m, (None, 3), " (x, y, z)")
-            thing = thing[np.isfinite(thing).all(axis=1)]
-            _arrays.must(len(thing), "object_m must have a finite point, got none")
+            _arrays.must(len(thing), "object_m must have a point, got none")
         finds_table = isinstance(workspace_from_cloud, str) and workspace_from_cloud == "table"
         if workspace_from_cloud is not None and not finds_table:
             pose = _arrays.matrices([_arrays.pose("workspace_from_cloud", workspace_from_cloud)])[0]
             eyes = eyes if len(eyes) else np.zeros((1, 3), np.float32)
-            parts = (points, eyes, thing)
-            points, eyes, thing = ((part @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32) for part in parts)
+            turn, at_m = pose[:3, :3].T, pose[:3, 3]
+            points, eyes, thing = ((part @ turn + at_m).astype(np.float32) for part in (points, eyes, thing))
         return _planned(self._native.plan_cloud, points, eyes, thing, _request(options, finds_table))
 
     def plan_tsdf(self, tsdf: ArrayLike, **options: Unpack[PlanOptions]) -> Plan:

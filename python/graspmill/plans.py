@@ -109,10 +109,7 @@ class Plan(Immutable, Sequence[Grasp]):
 
     @classmethod
     def from_json(cls, text: str | bytes) -> Plan:
-        """The plan of a JSON with which the command or the service answered. It has no cloud, no page and no times.
-
-        Raises InputError if the text is not the JSON of a plan.
-        """
+        """The plan of a JSON with which the command or the service answered: without a cloud, a page and times."""
         with _arrays.read_as("text must be the JSON of a plan", text):
             answer = json.loads(text)
         told = answer.get("format") if isinstance(answer, dict) else answer
@@ -183,10 +180,8 @@ class Plan(Immutable, Sequence[Grasp]):
         return None if pose is None else _matrix(pose)
 
     def overlay(self, image: ArrayLike | None = None) -> bytes:
-        """The best grasps in the image of the first camera, as a PNG. A plan that was pickled cannot be drawn.
-
-        ``image`` is ``[height, width, 3]`` uint8, in the colours red, green, blue; by default the depth image in grey.
-        """
+        """The best grasps in the image of the first camera, as a PNG: in ``[height, width, 3]`` uint8 of red, green and
+        blue, or by default in the depth image in grey. A plan that was pickled cannot be drawn."""
         if image is None:
             return self._source.overlay(None)
         pixels = _arrays.given("image", image)
@@ -221,11 +216,8 @@ class Plan(Immutable, Sequence[Grasp]):
         return plans.save(self, path, format, options)
 
     def moveit_grasps(self, **options: Unpack[PlanFileOptions]) -> list[dict[str, Any]]:
-        """The grasps with the fields of ``moveit_msgs/Grasp``, best first, with :class:`PlanFileOptions`. What is not known is left
-        out: the posture of a gripper whose joints are not known, and that of closed fingers where the width was not seen.
-
-        Raises InputError if the plan does not know the frame, or where the robot's last link is.
-        """
+        """The grasps with the fields of ``moveit_msgs/Grasp``, best first, with :class:`PlanFileOptions`. Without known
+        joints or a width they have no posture. Raises InputError if the frame or the robot's last link is not known."""
         from .formats import plans
 
         return plans.moveit_grasps(self, options)

@@ -1,9 +1,5 @@
-"""Scenes and the label oracle, which executes grasps in physics.
-
-Frames: the workspace is a cube with its origin at a lower corner and z up. A grasp's origin is midway between the
-finger tips; +z is its approach, +y its closing direction. ``workspace_from_grasp`` maps a grasp's coordinates to the
-workspace. Lengths are metres, masses kilograms, angles radians.
-"""
+"""Scenes and the label oracle, which executes grasps in physics. The workspace is a cube with its origin at a lower
+corner and z up. A grasp's origin is midway between the finger tips; +z is its approach, +y its closing direction."""
 
 from __future__ import annotations
 
@@ -97,7 +93,6 @@ class Object(Immutable):
         """A primitive shape: ``cuboid``, ``cylinder``, ``tri_prism`` or ``half_cylinder``.
 
         Args:
-            shape: Name of the shape.
             extents_m: Full lengths along its axes, ``[3]``.
             pose: ``workspace_from_object``, ``[4, 4]``, ``[7]`` or ``[3]``.
             mass_kg: Mass; by default that of a density of 500 kg/m³. ``friction`` is a Coulomb coefficient.
@@ -121,12 +116,8 @@ class Object(Immutable):
             mesh: ``(vertices, faces)`` of shapes ``[V, 3]`` (metres) and ``[F, 3]``, or an object that has them, such
                 as a ``trimesh.Trimesh``.
             pose: ``workspace_from_mesh``: the pose of the mesh's own frame.
-            name: Its name in messages.
             parts_max: The largest number of convex parts, 1 to 1024, and ``corners_max`` of corners of a part, 8 to 256.
-            tolerance_m: The mesh is cut into more parts until they leave its surface by no more than this, in metres.
-
-        Warns:
-            UserWarning: Where the parts leave its surface by more than 2 mm.
+            tolerance_m: The mesh is cut until its parts leave its surface by no more than this; of 2 mm it is warned.
         """
         with _arrays.read_as("mesh must be (vertices, faces), or have these attributes", type(mesh)):
             vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else mesh
@@ -159,9 +150,7 @@ class Container(Immutable):
     Attributes:
         kind: ``bin`` and ``tray`` have four walls; a ``shelf`` has a back at +y, two sides and a board over them.
         inner_m: Lengths along x and y between the walls' upper edges, ``(x, y)``.
-        height_m: Height of the walls above the table; a shelf's board lies on them.
-        thickness_m: Thickness of walls and board.
-        slope_rad: How far the walls lean outwards.
+        height_m: Height of the walls above the table, which lean outwards by ``slope_rad``; a shelf's board is on them.
         workspace_size_m: Side of the workspace, into which it must fit.
     """
 
@@ -277,9 +266,7 @@ class Scene(Immutable):
     def tsdf(self, cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30) -> NDArray[np.float32]:
         """The TSDF of the scene as cameras see it, ``[resolution] * 3`` (x, y, z) in VGN's values: (tsdf + 1) / 2 where
         it was observed, else 0; the surface is at 0.5."""
-        if isinstance(cameras, Camera):
-            cameras = [cameras]
-        cameras = _arrays.listed("cameras", cameras)
+        cameras = [cameras] if isinstance(cameras, Camera) else _arrays.listed("cameras", cameras)
         return tsdf([self.render(camera) for camera in cameras], cameras, resolution=resolution, size_m=size_m)
 
 
@@ -355,13 +342,12 @@ def execute(
     scene: Scene, grasps: ArrayLike, *, gripper: GripperLike | None = None, targets: ArrayLike | None = None,
     settings: Mapping[str, Any] | None = None, threads: int | None = None,
 ) -> Outcomes:  # fmt: skip
-    """Executes grasps in physics, each in a fresh copy of the scene: the label oracle. Gives the outcomes in the grasps' order.
+    """Executes grasps in physics, each in a fresh copy of a scene at rest: the label oracle, in their order.
 
     The open gripper appears 50 mm behind the grasp, approaches in a straight line, closes, retreats and holds; ``docs/label.md`` is
     the contract. The same arguments give the same bits on any number of threads.
 
     Args:
-        scene: Objects at rest.
         grasps: ``workspace_from_grasp``, matrices ``[N, 4, 4]`` or positions and quaternions ``[N, 7]``.
         gripper: A :class:`Gripper`, a built-in one's name or a file's path; by default the stored scene's, else ``parallel_jaw_80``.
         targets: ``[N]``, the object that each grasp is for; by default the one nearest to the finger tips.
@@ -389,12 +375,9 @@ def setting_pairs(settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     _arrays.must(settings is None or isinstance(settings, Mapping), f"settings must be a dict ({_SETTINGS_HELP})", settings)
     for key, value in (settings or {}).items():
         _arrays.must(isinstance(key, str), f"settings must have strings as keys ({_SETTINGS_HELP})", key)
-        if isinstance(value, np.generic):
-            value = value.item()
-        if isinstance(value, grippers.Gripper):
-            pairs.append((key, grippers.setting(value)))
-            continue
         with _arrays.read_as(f"settings[{key!r}] must be a number, a string, a bool or a list of them", value):
-            toml = json.dumps(value, allow_nan=False, ensure_ascii=False)
+            value = value.item() if isinstance(value, np.generic) else value
+            is_gripper = isinstance(value, grippers.Gripper)
+            toml = grippers.setting(value) if is_gripper else json.dumps(value, allow_nan=False, ensure_ascii=False)
         pairs.append((_arrays.text("settings", key), _arrays.text(f"settings[{key!r}]", toml)))
     return pairs

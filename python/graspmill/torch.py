@@ -1,7 +1,5 @@
-"""Datasets, the paper's network and the judge for PyTorch.
-
-Needs ``pip install graspmill[torch]``. The samples and the split are those of ``graspmill fit``.
-"""
+"""Datasets, the paper's network and the judge for PyTorch (``pip install graspmill[torch]``), with the trainer's
+samples and its split."""
 
 from __future__ import annotations
 
@@ -115,7 +113,7 @@ class _Samples:
 
 
 class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
-    """Batches in a shuffled order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``.
+    """Batches in a shuffled or the stored order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``.
 
     Each worker reads blocks of 64 scenes in an order that depends on the seed, the epoch and the number of workers alone, and
     shuffles scenes in a buffer.
@@ -131,7 +129,6 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         batch: Number of samples in a batch; of several ranks, in that of a rank.
         samples_per_scene: The most samples of a scene that stay together and share its grid; by default 8, or ``batch`` if smaller.
         buffer_scenes: Number of such groups that are shuffled with each other.
-        shuffle: Whether the order is shuffled; otherwise it is the stored one.
         by: Whether the test set is of single attempts, as in the paper, or of whole scenes.
         test_share: Share of all samples in that test set, and ``other_share`` in the other one.
         seed: Seed of the split (1 in the trainer's recipes) and of the order.
@@ -212,12 +209,9 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         return {"epoch": self.epoch, **place, **self._identity()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Goes on where a stream was: the next pass begins after the steps that were done. It reads what it needs alone.
-
-        Between epochs, and with ``global_batch``, the numbers of ranks and workers may be others than before.
-
-        Raises InputError if the state is of another stream: it names the difference.
-        """
+        """Goes on where a stream was: the next pass begins after the steps that were done, and reads no others. Between
+        epochs, and with ``global_batch``, the numbers of ranks and workers may be others than before. Raises InputError
+        if the state is of another stream: it names the difference."""
         own = {**self._identity(), "epoch": 0, "step": 0, "workers": 0}
         if not isinstance(state, Mapping) or set(state) != set(own):
             raise InputError(f"state must be that of state_dict, with {', '.join(sorted(own))}, got {_arrays.shown(state)}")
@@ -301,6 +295,6 @@ class GraspStream(_Stream[Batch]):
 
 
 class GraspCropStream(_Stream[GraspCropBatch]):
-    """Batches of crops of grasps, as a judge sees them: a :class:`GraspStream` that, if it shuffles, mirrors them as the trainer does."""
+    """Batches of crops of grasps, as a judge sees them: a :class:`GraspStream` that, if it shuffles, mirrors them."""
 
     _has_crops = True

@@ -1,9 +1,7 @@
-"""Datasets for the programs of others: what VGN's and GIGA's code trains on, Parquet for old readers, scenes for simulators.
-
-A format is a file: of a dataset in ``datasets``, of simulators in ``scenes``; its docstring becomes the export's page. The
-same dataset gives the same bytes. Each file gets its name when it is whole, so an interrupted export continues with the
-missing ones; ``export-begun.json`` identifies it meanwhile. ``export.json``, written last, describes the content.
-"""
+"""Datasets for the programs of others: what VGN's and GIGA's code trains on, Parquet for old readers, scenes for
+simulators. A format is a file: of a dataset in ``datasets``, of simulators in ``scenes``; its docstring becomes the
+export's page. The same dataset gives the same bytes. Each file gets its name when it is whole, so an interrupted export
+continues with the missing ones; ``export-begun.json`` identifies it meanwhile. ``export.json`` comes last."""
 
 import fcntl
 import inspect
@@ -30,7 +28,6 @@ COUNTS = ("attempts", "grasps", "positives", "left_out", "scenes", "scenes_left_
 
 
 def selected(text: str) -> list[range]:
-    """Scenes by their numbers and ranges, such as ``0-9,17``."""
     ranges = []
     for some in text.split(","):
         if (found := re.fullmatch(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?", some)) is None:
@@ -43,13 +40,10 @@ def selected(text: str) -> list[range]:
 def export(
     dataset: Dataset, form: str, out: str, chosen: list[range] | None = None, done: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Writes a dataset in one of :data:`FORMATS` to an empty or new folder, or continues an interrupted equal export; a complete
-    one is not changed. Returns the content of ``export.json``. Of formats for simulators some scenes may be chosen; ``done`` is
-    called with numbers of scenes that are done.
-
-    Raises InputError if the dataset does not fit the format, or the folder holds something else; OutsideError if another process
-    writes there.
-    """
+    """Writes a dataset in one of :data:`FORMATS` to an empty or new folder, or continues an equal export; a complete
+    one is not changed. Returns the content of ``export.json``. Of formats for simulators some scenes may be chosen;
+    ``done`` is called with numbers of scenes that are done. Raises InputError if the dataset does not fit the format,
+    or the folder holds something else; OutsideError if another process writes there."""
     folder, info, is_of_scenes = Path(out), dataset.info, form in scenes.FORMATS
     last = max((some[-1] for some in chosen or ()), default=-1)
     _arrays.must("://" not in out, f"the export must go to a folder on a disk, got {out}: export there, then copy the files")
@@ -80,7 +74,6 @@ def export(
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Makes the folder if it is missing, and keeps other exports out of it."""
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / LOCK, "w") as lock:
         try:

@@ -1,8 +1,6 @@
-"""Descriptions of bodies as objects: all shapes that collide as one mesh, with all joints at zero, and the mass.
-
-A format is a function of a file and of a list, to which it adds the meshes that the file names. It gives triangles,
-``[N, 3, 3]`` in metres, and the mass in kilograms, or ``None`` where there is none.
-"""
+"""Descriptions of bodies as objects: all shapes that collide as one mesh, with all joints at zero, and the mass. A
+format is a function of a file and of a list, to which it adds the meshes that the file names. It gives triangles, ``[N,
+3, 3]`` in metres, and the mass in kilograms, or ``None`` where there is none."""
 
 import json
 import os
@@ -38,8 +36,8 @@ def urdf(path: Path, parts: list[Path]) -> tuple[Floats, float | None]:
 
 
 def mjcf(path: Path, parts: list[Path]) -> tuple[Floats, float | None]:
-    """The shapes of all bodies that collide (if none does, all), and MuJoCo's mass. Shapes of the world are an object's
-    surroundings, unless the model has no bodies."""
+    """The shapes of all bodies that collide (if none does, all), and MuJoCo's mass; of the world, an object's
+    surroundings, only if there are no bodies."""
     with suppress(ET.ParseError):  # MuJoCo says what is wrong
         _arrays.must((count := _count(ET.parse(path).getroot())) <= ELEMENTS_MAX, f"a model has at most {ELEMENTS_MAX} elements, got {count}")
     mujoco = mujoco_module()
@@ -68,7 +66,7 @@ FORMATS = {".urdf": urdf, ".xml": mjcf}
 
 @contextmanager
 def described(places: Iterable[str]) -> Iterator[str | None]:
-    """Reads the descriptions among some files and in folders. Gives the path of a file for the native import
+    """Reads the descriptions among files and in folders. Gives the path of a file for the native import
     (``generator/src/import/described.rs``), or ``None`` without descriptions."""
     files = {os.path.realpath(file): file for place in places for file in _descriptions(place)}
     if not files:
@@ -83,8 +81,7 @@ def described(places: Iterable[str]) -> Iterator[str | None]:
 
 
 def run_native(words: list[str]) -> int:
-    """Runs the native command of these words, for which the descriptions among them, and in folders, are read; returns
-    its exit code."""
+    """Runs the native command of these words, with the descriptions among them and in folders; its exit code."""
     with described(word for word in words[2:] if not word.startswith("-")) as listed:
         more = [] if listed is None else ["--described", listed]
         return _native.run_program(["graspmill", *words[:2], *more, *words[2:]])

@@ -63,15 +63,10 @@ def _flange_from_grasp(plan: Plan, told: Told) -> Numbers | None:
 def _set(plan: Plan, told: Told) -> ObjectGrasps:
     """The grasps as a set without labels, whose score is the quality; what was not seen is NaN."""
     (name, poses), flange = _frame(plan, told), _flange_from_grasp(plan, told)
-    return ObjectGrasps(
-        name,
-        poses,
-        score=plan.qualities,
-        width_m=np.array([grasp.width_m for grasp in plan.grasps], np.float64),  # None is NaN
-        opening_m=np.array([grasp.opening_m for grasp in plan.grasps]),
-        base_to_tips_m=None if flange is None else float(flange[2, 3]),
-        info={"gripper": {"name": plan.answer["gripper"]}},
-    )
+    known: dict[str, Any] = {"base_to_tips_m": None if flange is None else float(flange[2, 3]), "score": plan.qualities}
+    known["width_m"] = np.array([grasp.width_m for grasp in plan.grasps], np.float64)  # None is NaN
+    known["opening_m"] = np.array([grasp.opening_m for grasp in plan.grasps])
+    return ObjectGrasps(name, poses, info={"gripper": {"name": plan.answer["gripper"]}}, **known)
 
 
 def save(plan: Plan, path: str | os.PathLike[str], format: PlanFileFormat | None, options: PlanFileOptions) -> Path:

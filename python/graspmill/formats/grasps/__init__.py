@@ -1,8 +1,6 @@
-"""Files of grasps: ACRONYM, GraspGen, isaac_grasp, MolmoSpaces and GraspNet, and our own Parquet (``docs/exporting.md``).
-
-A format is a file with ``read``, which gives the arguments of an ``ObjectGrasps`` of a file that is ``WHAT`` and refuses what is
-wrong without the path, and ``write``.
-"""
+"""Files of grasps: ACRONYM, GraspGen, isaac_grasp, MolmoSpaces and GraspNet, and our own Parquet
+(``docs/exporting.md``). A format is a file with ``read``, which gives the arguments of an ``ObjectGrasps`` of a file
+that is ``WHAT`` and refuses what is wrong without the path, and ``write``."""
 
 from __future__ import annotations
 
@@ -34,7 +32,6 @@ def read(
     """Grasps of a file by others, in our frame (``docs/exporting.md``); what the file does not say is NaN or ``None``.
 
     Args:
-        path: The file.
         format: ``"acronym"`` (.h5, needs h5py), ``"graspgen"`` (.json), ``"isaac_grasp"`` (.yaml, needs PyYAML), ``"molmospaces"``
             (.npz), ``"graspnet"`` (.npy) or ``"parquet"`` (:meth:`ObjectGrasps.load`); by default that of the path's ending.
         base_to_tips_m: From the origin of the file's frame to the tips of the gripper, along the approach. By default 0.1122 m for
@@ -77,7 +74,6 @@ def _format(path: str, format: str | None, known: dict[str, Any]) -> Any:
 
 
 def _given(base_to_tips_m: float | None, gripper: GripperLike | None, closing_axis: Axis | None) -> GripperFrame:
-    """What the caller says of the gripper, checked."""
     _arrays.one_of("closing_axis", closing_axis, (None, "x", "y"))
     given_m = None if base_to_tips_m is None else _arrays.number("base_to_tips_m", base_to_tips_m, 0.0, 10.0)
     if gripper is None:

@@ -1,9 +1,6 @@
-"""Parts of files of grasps, and the frames of grippers.
-
-A *base frame* has its origin at the base of the gripper, +z along the approach, and +x or +y along the closing
-direction. Our grasp frame has +z along the approach, +y along the closing direction, and its origin midway between
-the tips.
-"""
+"""Parts of files of grasps, and the frames of grippers. A *base frame* has its origin at the base of the gripper, +z
+along the approach, and +x or +y along the closing direction. Our grasp frame has +z along the approach, +y along the
+closing direction, and its origin midway between the tips."""
 
 import os
 from dataclasses import dataclass, field

@@ -38,8 +38,7 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
 
 
 def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
-    """As ``graspmill objects annotate --format graspnet``: only grasps that held. Where no friction was measured, the score
-    is ``p_held``, or the set's, or else 1; where even its own friction is too small, 0."""
+    """Only grasps that held. Without a friction the score is ``p_held``, the set's or 1; 0 if none sufficed."""
     kept = good(grasps)
     rows = np.zeros((len(kept), 17))
     other = np.where(np.isnan(kept.score) | (grasps.held is not None), 1.0, kept.score)

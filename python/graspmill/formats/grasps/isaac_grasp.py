@@ -82,8 +82,7 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
 
 
 def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
-    """As ``graspmill objects annotate --format isaac_grasp``. The confidence is ``p_held``, or else 1 for held; of sets without
-    labels the score."""
+    """The confidence is ``p_held``, or else 1 for held; of sets without labels the score."""
     bases = to_base(grasps.object_from_grasp, given.known_m(grasps.base_to_tips_m, "the set"), given.closing_axis or "y")
     confidences = grasps.score if grasps.held is None else grasps.held.astype(np.float64)
     held = None if np.isnan(grasps.p_held).all() else grasps.held

@@ -20,6 +20,5 @@ def read(path: str, given: GripperFrame) -> dict[str, Any]:
 
 
 def write(grasps: ObjectGrasps, path: str, given: GripperFrame) -> None:
-    """As ``graspmill objects annotate --format molmospaces``: only grasps that held."""
     with open(path, "wb") as file:
         np.savez_compressed(file, transforms=good(grasps).object_from_grasp)

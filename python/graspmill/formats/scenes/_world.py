@@ -1,7 +1,5 @@
-"""A scene as simulators take it: what moves, what stands still, the cameras, the gripper and the attempts.
-
-Lengths are in metres, quaternions x, y, z, w. Numbers keep the precision in which our physics has them.
-"""
+"""A scene as simulators take it: what moves, what stands still, the cameras, the gripper and the attempts. Lengths are
+in metres, quaternions x, y, z, w; numbers keep the precision in which our physics has them."""
 
 import math
 from dataclasses import dataclass
@@ -20,14 +18,10 @@ PALM_DENSITY_KG_M3 = 1000.0
 #: What single precision of the corners leaves off an inertia's diagonal, as a share of the trace; it would turn a
 #: cylinder's axes by chance.
 ROUNDING_SHARE = 1e-7
-UNITS = (
-    "metres, kilograms, seconds, newtons, radians; poses: position x y z, then quaternion x y z w; "
-    "target_from_source maps a source's coordinates to the target"
-)
-FRAMES = (
-    "workspace: z up; grasp: midway between the finger tips, +z the approach, +y the closing direction; "
-    "camera: x right, y down, z forward"
-)
+UNITS = "metres, kilograms, seconds, newtons, radians; poses: position x y z, then quaternion x y z w; "
+UNITS += "target_from_source maps a source's coordinates to the target"
+FRAMES = "workspace: z up; grasp: midway between the finger tips, +z the approach, +y the closing direction; "
+FRAMES += "camera: x right, y down, z forward"
 
 Single = np.float32
 Singles = NDArray[np.float32]
@@ -135,7 +129,6 @@ class World:
         return 2.0 * math.atan(0.5 * self.lens[1] / self.lens[3])
 
     def hulls(self) -> dict[str, Hull]:
-        """All parts that are no boxes, by their names."""
         parts = [entry for body in (*self.objects, *self.still) for entry in body.parts.items()]
         return {name: part for name, part in parts if isinstance(part, Hull)}
 

@@ -1,8 +1,5 @@
-"""Networks for ONNX runtimes: the dense network of voxels with the sigmoid, or the judge with the softmax.
-
-Operators of opset 13 and IR version 7, which every runtime for ONNX 1.8 (November 2020) or later reads. Parameters have
-the names of the checkpoint.
-"""
+"""Networks for ONNX runtimes: the dense network of voxels with the sigmoid, or the judge with the softmax, with the
+names of the checkpoint's parameters. Opset 13 and IR version 7 are read by all since ONNX 1.8 (November 2020)."""
 
 import json
 import os
@@ -115,10 +112,7 @@ class _Graph:
 
 
 def write(checkpoint: str, out: str, force: bool = False) -> None:
-    """Writes a checkpoint's network, with ``force`` also in place of a file. Equal checkpoints give equal bytes.
-
-    Raises InputError if there is no checkpoint, or a file already; DataError if the checkpoint is damaged.
-    """
+    """Writes a checkpoint's network, with ``force`` also in place of a file. Equal checkpoints give equal bytes."""
     onnx = module("onnx", "the format onnx", "onnx")
     _native.check_checkpoint(checkpoint)
     helper = onnx.helper
@@ -149,14 +143,10 @@ def write(checkpoint: str, out: str, force: bool = False) -> None:
         return [helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["batch", *shape]) for name, shape in shapes.items()]
 
     values = [onnx.numpy_helper.from_array(array, name) for name, array in {**parameters, **constants}.items()]
-    model = helper.make_model(
-        helper.make_graph(graph.nodes, kind, tensors(inputs), tensors(outputs), values),
-        opset_imports=[helper.make_opsetid("", 13)],
-        ir_version=7,
-        producer_name="graspmill trainer",
-        producer_version=_native.__version__,
-        doc_string=DOCS[kind],
-    )
+    network = helper.make_graph(graph.nodes, kind, tensors(inputs), tensors(outputs), values)
+    versions = {"opset_imports": [helper.make_opsetid("", 13)], "ir_version": 7}
+    made_by = {"producer_name": "graspmill trainer", "producer_version": _native.__version__}
+    model = helper.make_model(network, **versions, **made_by, doc_string=DOCS[kind])
     helper.set_model_props(model, dict(sorted(facts.items())))
     with outside(Path(out)):
         write_file(Path(out), model.SerializeToString(deterministic=True))
