@@ -1,9 +1,12 @@
 """The programs, for tests that run them as a user does, and the dataset that was made for the tests."""
 
+import contextlib
 import copy
 import functools
+import io
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -38,6 +41,22 @@ def run(name: str, *words: object, code: int | None = None, **more: object) -> s
 
 def packaged(*words: object, code: int = 0, **more: object) -> subprocess.CompletedProcess[str]:
     return ran(*PACKAGE, *words, code=code, **more)
+
+
+def commanded(*words: object, code: int | None = 0) -> subprocess.CompletedProcess[str]:
+    """As `packaged`, in this process, for a command that Python does wholly: a start takes longer than the command."""
+    from graspmill import _commands
+
+    out, err, handler = io.StringIO(), io.StringIO(), signal.getsignal(signal.SIGTERM)
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            ended = _commands.run([*map(str, words)])
+        except SystemExit as error:  # of argparse
+            ended = error.code
+        finally:
+            signal.signal(signal.SIGTERM, handler)
+    assert ended == code, f"{words}: {ended}: {out.getvalue()}{err.getvalue()[-4000:]}"
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
 
 def planned(*words: object, code: int = 0, **more: object) -> dict | str:

@@ -8,17 +8,16 @@ import fcntl
 import json
 import resource
 import shutil
-import sys
 from itertools import groupby
 
 import numpy as np
 import pyarrow.dataset as pads
 import pyarrow.parquet as pq
 import pytest
-from programs import DATASET, ROOT, files, packaged
+from programs import DATASET, ROOT, commanded, files, packaged
 
+from crosscheck.pose import rotation_of
 from grasp_sets import graspmill, refused  # before the modules of the package, of which there may be none
-from graspmill import __main__ as program
 from graspmill import formats
 
 INFO = json.loads((DATASET / "meta/info.json").read_text())
@@ -27,8 +26,8 @@ VOXEL_M = SIZE_M / SIDE
 OPENING_M, FINGER_M = INFO["gripper"]["opening_m_max"], INFO["gripper"]["finger_length_m"]
 
 
-def export(dataset, form, out, *more, **how):
-    return packaged("dataset", "export", dataset, "--format", form, "--out", out, *more, **how)
+def export(dataset, form, out, *more, code=0, by=commanded, **how):
+    return by("dataset", "export", dataset, "--format", form, "--out", out, *more, code=code, **how)
 
 
 def exported(out, form="vgn", dataset=DATASET):
@@ -55,14 +54,9 @@ def vgn(tmp_path_factory):
     return out, exported(out)
 
 
-def approach(row):
-    """The grasp's z axis in the workspace."""
-    x, y, z, w = (row[part] for part in ("qx", "qy", "qz", "qw"))
-    return np.array([2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)])
-
-
 def roots_m(row):
-    return np.array([row["x_m"], row["y_m"], row["z_m"]]) - FINGER_M * approach(row)
+    approach = rotation_of(np.array([row[part] for part in ("qx", "qy", "qz", "qw")]))[:, 2]
+    return np.array([row["x_m"], row["y_m"], row["z_m"]]) - FINGER_M * approach
 
 
 def samples(rows):
@@ -238,13 +232,12 @@ def test_the_same_bytes_each_time_and_a_stopped_export_goes_on(form, tmp_path, v
     assert sum(scenes) == dataset.scene_count and files(two) == left
 
 
-def test_ctrl_c_ends_the_program_so_that_it_is_run_again(monkeypatch, tmp_path, capsys):
+def test_ctrl_c_ends_the_program_so_that_it_is_run_again(monkeypatch, tmp_path):
     def stopped(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(formats, "export", stopped)
-    monkeypatch.setattr(sys, "argv", ["graspmill", "dataset", "export", str(DATASET), "--format", "vgn", "--out", str(tmp_path)])
-    assert program.main() == 75 and "the same command continues" in capsys.readouterr().err
+    assert "the same command continues" in export(DATASET, "vgn", tmp_path, code=75).stderr
 
 
 def test_what_cannot_be_is_refused_and_nothing_of_others_is_touched(vgn, points, tmp_path):
@@ -293,7 +286,8 @@ def test_a_full_disk_and_another_writer_are_reasons_to_try_again(tmp_path):
     def limited():
         resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 
-    assert "failed to write to" in export(DATASET, "vgn", tmp_path / "out", preexec_fn=limited, code=75).stderr
+    full = export(DATASET, "vgn", tmp_path / "out", preexec_fn=limited, code=75, by=packaged)
+    assert "failed to write to" in full.stderr
     with open(tmp_path / "out/.lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         assert "another process writes in this folder" in export(DATASET, "vgn", tmp_path / "out", code=75).stderr
@@ -301,7 +295,7 @@ def test_a_full_disk_and_another_writer_are_reasons_to_try_again(tmp_path):
 
 
 def test_the_program_says_how_much_it_wrote(tmp_path):
-    done = export(DATASET, "mjcf", tmp_path / "out", "--scenes", "8, 1-2,2-3")
+    done = export(DATASET, "mjcf", tmp_path / "out", "--scenes", "8, 1-2,2-3", by=packaged)
     told = json.loads((tmp_path / "out/export.json").read_text())
     assert (told["origin"]["scenes"], told["counts"]["scenes"]) == ("1-3,8", 4)
     assert sorted(path.name[-1] for path in (tmp_path / "out").glob("scene-*")) == ["1", "2", "3", "8"]

@@ -11,7 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
-from programs import PACKAGE, program, ran, rounds_of
+from programs import PACKAGE, commanded, program, ran, rounds_of
 
 from planner_service import ROOT, running
 
@@ -65,7 +65,7 @@ def planner(answer, config=None):
 
     done, server = threading.Event(), ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     server.daemon_threads = True
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()  # its end waits for a poll
     try:
         yield f"http://127.0.0.1:{server.server_port}/predict", asked
     finally:
@@ -74,10 +74,11 @@ def planner(answer, config=None):
         server.server_close()
 
 
-def run(out, *args, rounds=1, code=0, by=PACKAGE):
-    config = ROOT / "configs" / "experiment" / "giga-pile.toml"
-    common = ("--rounds", str(rounds), "--seed", "31", "--threads", "1", "--set", "objects.count=2", "--set", "noise.kind=d435")
-    return ran(*by, "experiment", "run", config, *common, *args, "--out", out, code=code, timeout=300)
+def run(out, *args, rounds=1, code=0, by=None):
+    """How the command ends in this process, or as a program of its own."""
+    common = "--rounds", rounds, "--seed", 31, "--threads", 1, "--set", "objects.count=2", "--set", "noise.kind=d435"
+    words = "experiment", "run", ROOT / "configs/experiment/giga-pile.toml", *common, *args, "--out", out
+    return commanded(*words, code=code) if by is None else ran(*by, *words, code=code, timeout=300)
 
 
 def points(array):
@@ -191,7 +192,7 @@ def test_what_is_not_known_of_a_planner_is_asked_for(tmp_path):
         assert "must be an address" in run(tmp_path / "a", "--planner", other, code=78).stderr
     # The server is gone: nothing was begun.
     assert "the server cannot be reached" in run(tmp_path / "b", "--planner", url, code=75).stderr
-    assert "required" in run(tmp_path / "c", "--tip-depth", "0.1", code=2).stderr
+    assert "required" in run(tmp_path / "c", "--tip-depth", "0.1", code=2, by=PACKAGE).stderr
 
 
 def test_what_another_planner_does_not_heed_is_refused_or_said(tmp_path):
@@ -215,7 +216,7 @@ def test_what_another_planner_does_not_heed_is_refused_or_said(tmp_path):
 def test_our_own_service_is_a_planner_and_a_run_goes_on(tmp_path):
     with running(tmp_path) as service:
         url = ("--planner", f"http://127.0.0.1:{service.port}/predict")
-        run(tmp_path / "whole", *url, rounds=2)
+        run(tmp_path / "whole", *url, rounds=2, by=PACKAGE)
         run(tmp_path / "parts", *url, rounds=1)
         run(tmp_path / "parts", *url, rounds=2)
         told = run(tmp_path / "parts", *url, "--tip-depth", "0.01", rounds=2, code=78).stderr

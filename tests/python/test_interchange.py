@@ -8,7 +8,7 @@ import json
 import numpy as np
 import onnxruntime
 import pytest
-from programs import ROOT, packaged
+from programs import ROOT, commanded
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
@@ -46,7 +46,7 @@ def checkpoint(path, upsampling, tensors):
 
 
 def export(*words, code=0):
-    return packaged("weights", "export", *words, code=code)
+    return commanded("weights", "export", *words, code=code)
 
 
 @pytest.fixture(scope="module")

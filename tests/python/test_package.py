@@ -191,8 +191,9 @@ def test_the_program_is_there_under_all_its_names(tmp_path):
         assert done.returncode == code, done
         return done.stdout
 
+    commands = said("--help")
     for command in ("generate", "dataset", "fit", "plan", "experiment"):
-        assert f"\n  {command} " in said("--help") and f"Usage: graspmill {command}" in said(command, "--help")
+        assert f"\n  {command} " in commands and f"Usage: graspmill {command}" in said(command, "--help")
     said("dataset", "browse", DATASET, "--scenes", "1", "--out", tmp_path / "pages")
     assert list((tmp_path / "pages").glob("scene-*.html"))
     for words, code in (((), 2), (("grinder",), 2), (("dataset", "verify", tmp_path), 78)):
@@ -455,7 +456,7 @@ def test_no_more_threads_than_cores_are_started():
 def test_a_forked_child_lets_go_of_a_stores_dataset():
     handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=DATASET)
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
     url = f"http://127.0.0.1:{server.server_address[1]}"
     inherited = graspmill.Dataset(url)
     assert inherited[0].scene_id == 0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from grasp_sets import graspmill, refused
-from programs import packaged
+from programs import commanded, packaged
 
 torch = pytest.importorskip("torch")
 
@@ -267,7 +267,7 @@ def test_the_head_by_closing_goes_both_ways(tmp_path):
     assert torch.allclose(torch.stack(axis_of(rotation.unbind(1)), dim=1), approach, atol=1e-4)
     assert quality.shape == width.shape == (16,) and ((quality > 0) & (quality < 1)).all()
 
-    packaged("weights", "export", ours, "--format", "onnx", "--out", tmp_path / "net.onnx")
+    commanded("weights", "export", ours, "--format", "onnx", "--out", tmp_path / "net.onnx")
     onnxruntime = pytest.importorskip("onnxruntime")
     run = onnxruntime.InferenceSession(tmp_path / "net.onnx", providers=["CPUExecutionProvider"])
     names = [output.name for output in run.get_outputs()]
