@@ -84,11 +84,11 @@ def placed(folder: Path) -> None:
     (folder / "parts" / "wedge.msh").write_bytes(msh())
 
 
-def points_of(model: mujoco.MjModel, count: int = 200_000) -> np.ndarray:
+def points_of(model: mujoco.MjModel) -> np.ndarray:
     """Where the colliding geoms of bodies end, by MuJoCo: corners of meshes and boxes, dense points of what is round."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    spiral = np.random.default_rng(1).normal(size=(count, 3))
+    spiral = np.random.default_rng(1).normal(size=(200_000, 3))
     spiral /= np.linalg.norm(spiral, axis=1)[:, None]
     points = []
     for geom in range(model.ngeom):
@@ -167,61 +167,6 @@ def test_what_a_urdf_says_wrongly_leaves_it_out_and_the_others_go_on(tmp_path):
     refused(tmp_path, ".urdf", cases, lambda wrong: ROBOT.replace(*wrong).encode())
 
 
-def random_pose(dice: np.random.Generator) -> str:
-    turns = [
-        lambda: "",
-        lambda: 'euler="{:.3f} {:.3f} {:.3f}"'.format(*dice.uniform(-180, 180, 3)),
-        lambda: 'quat="{:.3f} {:.3f} {:.3f} {:.3f}"'.format(*dice.normal(size=4)),
-        lambda: 'axisangle="{:.3f} {:.3f} {:.3f} {:.3f}"'.format(*dice.normal(size=3), dice.uniform(-180, 180)),
-        lambda: 'xyaxes="{:.3f} {:.3f} {:.3f} {:.3f} {:.3f} {:.3f}"'.format(*dice.normal(size=6)),
-        lambda: 'zaxis="{:.3f} {:.3f} {:.3f}"'.format(*dice.normal(size=3)),
-    ]
-    return 'pos="{:.4f} {:.4f} {:.4f}" '.format(*dice.uniform(-0.1, 0.1, 3)) + turns[dice.integers(len(turns))]()
-
-
-def random_geom(dice: np.random.Generator) -> str:
-    kind = dice.choice(["box", "box", "box", "mesh", "sphere", "cylinder", "capsule", "ellipsoid"])
-    shape = f'mesh="{dice.choice(["wedge", "exact", "hull", "corner"])}"' if kind == "mesh" else 'size="{:.4f} {:.4f} {:.4f}"'.format(*dice.uniform(0.005, 0.03, 3))
-    masses = ["", "", f'density="{dice.uniform(100, 2000):.1f}"', f'mass="{dice.uniform(0, 0.2):.4f}"']
-    more = [dice.choice(masses), dice.choice(["", "", 'class="light"', 'class="dense"', 'class="shown"']), dice.choice(["", "", 'group="3"'])]
-    return f'<geom type="{kind}" {shape} {random_pose(dice)} {" ".join(more)}/>'
-
-
-def random_body(dice: np.random.Generator, folder: Path, depth: int = 0, *, frame: bool = False) -> str:
-    """A body, a frame or copies, with what is in it; some of it in a file of its own."""
-    inner = [random_geom(dice) for _ in range(dice.integers(1, 4))]
-    for _ in range(dice.integers(0, 3) if depth < 3 else 0):
-        inner.append(random_body(dice, folder, depth + 1, frame=bool(dice.integers(2))))
-    if frame is False and dice.integers(4) == 0:
-        inertial = f'<inertial pos="0 0 0" mass="{dice.uniform(0.01, 0.5):.4f}" diaginertia="1e-3 1e-3 1e-3"/>'
-        inner.insert(0, inertial if dice.integers(2) else f"<frame>{inertial}</frame>")
-    text = "".join(inner)
-    if dice.integers(4) == 0:
-        part = folder / f"part_{len(list(folder.glob('*.inc')))}.inc"
-        part.write_text(f"<mujocoinclude>{text}</mujocoinclude>")
-        text = f'<include file="parts/{part.name}"/>'
-    childclass = dice.choice(["", 'childclass="light"', 'childclass="dense"'])
-    if frame and dice.integers(2):
-        offset, euler = dice.uniform(-0.05, 0.05, 3), dice.uniform(-90, 90, 3)
-        step = f'offset="{" ".join(f"{x:.3f}" for x in offset)}" euler="{" ".join(f"{x:.2f}" for x in euler)}"'
-        return f'<replicate count="{dice.integers(1, 4)}" {step}>{text}</replicate>'
-    name = "frame" if frame else "body"
-    return f"<{name} {random_pose(dice)} {childclass}>{text}</{name}>"
-
-
-def random_model(dice: np.random.Generator, folder: Path) -> str:
-    order = "".join(dice.choice(list("xyzXYZ"), 3))
-    ways = ["", 'inertiafromgeom="true"', 'inertiagrouprange="0 2"', 'settotalmass="0.7"']
-    return f"""<mujoco><compiler meshdir="parts" eulerseq="{order}"/><compiler {dice.choice(ways)}/>
-    <default><geom density="{dice.uniform(200, 900):.1f}"/><default class="light"><geom density="50" contype="1"/>
-    <default class="shown"><geom contype="0" conaffinity="0" mass="0.01"/></default></default></default>
-    <default><default class="dense"><geom density="5000"/></default></default>
-    <asset><mesh file="wedge.obj" scale="0.001 0.001 0.001"/>
-    <mesh name="exact" file="corner.obj" inertia="exact"/><mesh name="hull" file="corner.obj" inertia="convex"/><mesh file="corner.obj"/></asset>
-    <worldbody><geom type="plane" size="1 1 1"/><geom type="sphere" size="5"/>
-    <frame {random_pose(dice)}>{random_body(dice, folder)}</frame>{random_body(dice, folder)}</worldbody></mujoco>"""
-
-
 CORNER = [(0, 0), (0.06, 0), (0.06, 0.02), (0.02, 0.02), (0.02, 0.06), (0, 0.06)]
 
 
@@ -234,35 +179,18 @@ def corner_obj() -> str:
     return "\n".join(lines)
 
 
-def test_random_models_of_mujoco_weigh_and_reach_what_mujoco_says(tmp_path):
-    """Frames, copies, includes, classes, densities, `inertial` and all ways to turn a body, nested in each other."""
-    mujoco.set_mju_user_warning(lambda message: None)  # it would write them to a file in the working folder
-    dice = np.random.default_rng(45)
-    placed(tmp_path)
-    (tmp_path / "parts" / "corner.obj").write_text(corner_obj())
-    for number in range(20):
-        (tmp_path / f"m{number}.xml").write_text(random_model(dice, tmp_path / "parts"))
-    bodies = all_imported(tmp_path, "--hulls-max", 1)
-    assert len(bodies) == 20
-    for name, body in bodies.items():
-        theirs = mujoco.MjModel.from_xml_path(str(tmp_path / f"{name}.xml"))
-        assert body["mass_kg"] == pytest.approx(theirs.body_mass[1:].sum(), rel=1e-5), name
-        # Flat sides reach less far than round ones: at most 3 % of 3 cm.
-        assert np.abs(body["extents_m"] - np.ptp(points_of(theirs, 5_000), axis=0)).max() < 2e-3, name
-
-
 def test_the_inertia_of_a_model_is_mujocos(tmp_path):
     """Boxes of one density that do not overlap, in frames and copies: also volume, centre and inertia are the same."""
     dice = np.random.default_rng(46)
+    turn = lambda: 'euler="{:.3f} {:.3f} {:.3f}"'.format(*dice.uniform(-180, 180, 3))  # noqa: E731
     for number in range(20):
         geoms = "".join(
-            f'<frame pos="{0.06 * place:.2f} 0 0"><geom type="box" size="{x:.4f} {y:.4f} {z:.4f}" {turn}/></frame>'
+            f'<frame pos="{0.06 * place:.2f} 0 0"><geom type="box" size="{x:.4f} {y:.4f} {z:.4f}" {turn()}/></frame>'
             for place, (x, y, z) in enumerate(dice.uniform(0.005, 0.017, (3, 3)))
-            for turn in [random_pose(dice).split('" ', 1)[1]]
         )
         text = f'<replicate count="2" offset="0 0.2 0.01" euler="0 0 30">{geoms}</replicate>'
         (tmp_path / f"m{number}.xml").write_text(
-            f'<mujoco><default><geom density="700"/></default><worldbody><body {random_pose(dice)}>{text}</body></worldbody></mujoco>'
+            f'<mujoco><default><geom density="700"/></default><worldbody><body pos="0.05 -0.02 0.1" {turn()}>{text}</body></worldbody></mujoco>'
         )
     for name, body in all_imported(tmp_path).items():
         theirs = mujoco.MjModel.from_xml_path(str(tmp_path / f"{name}.xml"))
@@ -277,13 +205,9 @@ def test_the_inertia_of_a_model_is_mujocos(tmp_path):
 def test_what_a_model_says_wrongly_is_named(tmp_path):
     cases = [
         (("quat=", "shellinertia="), "Element 'geom'"),
-        (("<geom mass", '<frame><attach model="a" body="b" prefix="c"/></frame><geom mass'), "could not find model 'a'"),
-        (('meshdir="parts"', 'meshdir="parts" eulerseq="xyw"'), "euler"),
         (('mesh="mirrored"', 'mesh="nothing"'), "mesh 'nothing' not found"),
-        (('size="0.01 0.02 0" pos="0 0.03 0"', 'size="0.01 0 0.02" pos="0 0.03 0"'), "size 1 must be positive"),
         (('"mirrored" file="wedge.obj"', '"mirrored" file="gone.obj"'), "gone.obj"),
-        (("<worldbody>", '<include file="a.xml"/><worldbody>'), "a.xml"),
-        (("<worldbody>", '<include file="7.xml"/><worldbody>'), "7.xml"),  # itself
+        (("<worldbody>", '<include file="3.xml"/><worldbody>'), "3.xml"),  # itself
         (("<mujoco>", "<mujocoinclude>"), "mujocoinclude"),
         (("<geom mass", '<replicate count="100000"><geom size="0.01 0.01 0.01"/></replicate><geom mass'), "at most 10000 elements"),
         (("</mujoco>", ""), "XML"),

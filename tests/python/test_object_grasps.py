@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from grasp_sets import ABOVE, BASE_M, ENDINGS, FORMATS, ObjectGrasps, again, box_obj, graspmill, many, needs, one_above, read_grasps, refused, saved
+from grasp_sets import ABOVE, BASE_M, ENDINGS, FORMATS, ObjectGrasps, again, box_obj, graspmill, many, one_above, read_grasps, refused, saved
 from programs import packaged
 
 # Where a gripper is that comes from straight above, by hand.
@@ -139,9 +139,9 @@ def test_what_is_read_is_written_again(tmp_path, form):
 def annotated(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     (folder / "box.obj").write_text(box_obj((0.04, 0.06, 0.05), (-0.02, -0.03, -0.025)))
-    needs(*FORMATS)
     words = ["--gripper", request.param, "--grasps", "80", "--drops", "10", "--scale", "1", "--margins", "--repeats", "2"]
-    packaged("objects", "annotate", "box.obj", *words, "--format", ",".join(FORMATS), "--out", "grasps", cwd=folder)
+    for out, more in (("grasps", []), ("best", ["--best", "7"])):
+        packaged("objects", "annotate", "box.obj", *words, *more, "--out", out, cwd=folder)
     return folder / "grasps", request.param
 
 
@@ -185,18 +185,6 @@ def test_tables_of_earlier_versions_are_read(annotated, tmp_path):
     older, grasps = (ObjectGrasps.load(folder / "box.parquet") for folder in (tmp_path, annotated[0]))
     np.testing.assert_array_equal(older.p_held, grasps.p_held)
     assert np.isnan(older.clearance_m).all() and np.isnan(older.pushed_m).all() and np.isfinite(grasps.clearance_m).all()
-
-
-@pytest.mark.parametrize("form", FORMATS)
-def test_the_programs_files_are_those_of_its_set(annotated, form, tmp_path):
-    needs(form)
-    folder, _ = annotated
-    path = folder / f"box.{form}.{ENDINGS[form]}"
-    saved = ObjectGrasps.load(folder / "box.parquet").save(tmp_path / path.name)
-    if form == "acronym":  # HDF5 has times
-        np.testing.assert_array_equal(read_grasps(saved).object_from_grasp, read_grasps(path).object_from_grasp)
-    else:
-        assert saved.read_bytes() == path.read_bytes()
 
 
 # What the readers of others ask.
@@ -344,10 +332,6 @@ def test_the_best_are_the_strongest_that_held_and_are_apart():
 
 
 def test_the_programs_best_are_those_of_the_whole_set(annotated):
-    folder, gripper = annotated
-    words = ["--gripper", gripper, "--grasps", "80", "--drops", "10", "--scale", "1", "--margins", "--repeats", "2", "--best", "7"]
-    packaged("objects", "annotate", "box.obj", *words, "--out", f"best-{gripper}", cwd=folder.parent)
-    few = ObjectGrasps.load(folder.parent / f"best-{gripper}" / "box.parquet")
-    whole = ObjectGrasps.load(folder / "box.parquet")
+    few, whole = (ObjectGrasps.load(annotated[0].parent / name / "box.parquet") for name in ("best", "grasps"))
     assert len(few) == 7 and few.held.all()
     np.testing.assert_array_equal(few.object_from_grasp, whole.best(7).object_from_grasp)

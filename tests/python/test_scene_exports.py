@@ -13,7 +13,7 @@ from grasp_sets import graspmill, refused
 
 from crosscheck import dataset as reading
 from crosscheck.pose import rotation_of
-from programs import ROOT, files, packaged
+from programs import ROOT
 
 # Configs, and scenes of each.
 CONFIGS = {"demo": 12, "everyday": 12, "judge": 16}
@@ -198,15 +198,6 @@ def test_usd_opens_and_validates_every_stage(exported):
             assert np.radians(seen.ComputeAspectRatio()) == pytest.approx(np.radians(row["width_px"] / row["height_px"]))
             forward = rotation_of(np.array(row["workspace_from_camera"][3:]))[:, 2]
             np.testing.assert_allclose(seen.ComputeViewDirection(), forward, atol=1e-5)
-
-
-def test_the_command_writes_what_the_package_writes(stored, exported, tmp_path):
-    dataset, _ = stored
-    for form in ("mjcf", "urdf", "usda"):
-        packaged("dataset", "export", dataset._native.location, "--format", form, "--scenes", "1-2", "--out", tmp_path / form)
-        assert sorted(path.name for path in (tmp_path / form).glob("scene-*")) == ["scene-000000001", "scene-000000002"]
-        for number in (1, 2):
-            assert files(tmp_path / form / f"scene-{number:09}") == files(exported(form)[number])
 
 
 def test_what_is_no_format_or_no_folder_is_refused(stored, tmp_path):
