@@ -1,7 +1,5 @@
-"""Helpers of test_faults.py: runs programs under faults and reports what a dataset lost.
-
-"Lost" means any difference from an undisturbed run: a file, a byte, an exit code, a remaining staging file.
-"""
+"""Helpers of test_faults.py: runs programs under faults and reports what a dataset lost. "Lost" means any difference
+from an undisturbed run: a file, a byte, an exit code, a remaining staging file."""
 
 import concurrent.futures
 import contextlib
@@ -53,7 +51,6 @@ def end(process):
 
 
 def side_by_side(work, items):
-    """The results of `work` on each item, on all cores."""
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(work, items))
 
@@ -114,7 +111,6 @@ class Case:
         return missing + self.half_written(folder) + ([] if verified == OK else [f"verify ended with {verified}"])
 
     def copy(self, folder, without=()):
-        """The whole dataset in another folder, without some of its files."""
         shutil.copytree(self.folder, folder)
         for name in without:
             (folder / name).unlink()
@@ -215,7 +211,6 @@ def prepare(case, state, folder):
 
 
 def traced(case, folder, more, options, log):
-    """Runs the generator in strace; how it ended, and its calls."""
     ended = case.generate(folder, *more, before=["strace", "-f", "-y", "-qq", "-o", log, *options])
     return ended, log.read_text().splitlines()
 

@@ -163,7 +163,6 @@ class Mutant:
         marker.write_text(sealed(value))
 
     def bytes(self, rng):
-        """Bytes of a table are flipped, cut or added."""
         path, _ = self.table(rng)
         data = bytearray(path.read_bytes())
         for _ in range(rng.choice([1, 1, 4, 16])):
@@ -177,7 +176,6 @@ class Mutant:
         return f"{path.name}: bytes"
 
     def promises(self, rng):
-        """A marker or the manifest promises something else, under a matching seal."""
         path = rng.choice([*self.markers, self.folder / MANIFEST])
         value, what = change_json(json.loads(path.read_text()), rng)
         path.write_text(sealed(value) if isinstance(value, dict) and value else json.dumps(value))

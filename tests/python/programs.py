@@ -66,7 +66,6 @@ def planned(*words: object, code: int = 0, **more: object) -> dict | str:
 
 
 def planned_view(folder: Path, depth_m: np.ndarray, camera: object, *words: object, code: int = 0, **view: object) -> dict | str:
-    """What the command answers of an image of a camera."""
     np.save(folder / "depth.npy", depth_m.astype(np.float32))
     at, lens = camera._pose(), {name: getattr(camera, name) for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
     view = {"depth": "depth.npy", "workspace_from_camera": {"position_m": at[:3], "quaternion_xyzw": at[3:]}, **view}

@@ -104,7 +104,6 @@ def scene(fixtures: tuple, height_m: float = 0.06, beside_m: float | None = None
 
 
 def block(low: tuple, high: tuple) -> tuple:
-    """A cuboid as the only fixture."""
     return (hull_of([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]),)
 
 

@@ -288,7 +288,6 @@ def written(name: str, text: str):
 
 
 def gone(name: str):
-    """Damage: a file that is not there, so that the folder is no experiment."""
     return lambda folder: (folder / name).unlink()
 
 

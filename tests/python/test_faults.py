@@ -25,7 +25,6 @@ SMALL = {"attempts_per_scene": 2, "resolution": 8}
 
 
 def write_config(path, **settings):
-    """The demo's config at a size that takes no time."""
     text = (ROOT / "configs/generate/demo.toml").read_text()
     for key, value in settings.items():
         text, count = re.subn(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.MULTILINE)
@@ -130,7 +129,6 @@ NO_LINKS = {**NO_NEW_NAMES, "linkat": "EPERM"}
 @needs_strace
 @pytest.mark.parametrize("errors", [NO_NEW_NAMES, NO_LINKS], ids=" ".join)
 def test_file_systems_without(two, tmp_path, errors):
-    """The programs also work without non-replacing renames and hard links."""
     options = ["-e", f"trace={','.join(errors)}"]
     options += [word for call, error in errors.items() for word in ("-e", f"inject={call}:error={error}")]
     ended, calls = traced(two, tmp_path / "new", [], options, tmp_path / "log")
@@ -258,7 +256,6 @@ def limited(kind, limit):
 
 
 def stopped_by_the_system(case, folder, ended, codes=(TRY_AGAIN,)):
-    """The problems just after a run that the system stopped."""
     found = problems_of(ended, [OK, *codes], "the stopped run") + case.half_written(folder)
     return found + [f"{name} is left" for name in faults.leftovers(folder)]
 
@@ -357,7 +354,6 @@ def test_four_writers_of_all_shards(many, tmp_path, factor):
 
 
 def test_writers_killed_among_writers(many, tmp_path, factor):
-    """Of four writers, three are killed at random times; the fourth must succeed."""
     rng, problems, kills, span = faults.dice("killed among writers"), [], 0, many.seconds
     while kills < 3 * factor:
         out = tmp_path / str(kills)
@@ -420,7 +416,6 @@ def test_another_version_is_refused(two, tmp_path):
 
 
 def test_files_that_were_deleted_are_made_again(four, tmp_path, factor):
-    """Deletes one or several files of a complete dataset."""
     rng, problems = faults.dice("deleted"), []
     names = [name for name in four.whole if name != "meta/info.json"]
     cases = [[name] for name in names[:: step_of(factor)]] + [rng.sample(names, rng.randint(2, len(names))) for _ in range(2 * factor)]

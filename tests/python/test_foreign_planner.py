@@ -1,7 +1,5 @@
 """`graspmill experiment run --planner URL`: anyone's planner behind the contract of /predict, also one that misbehaves.
-
-The program is that of the package; the static one says so.
-"""
+The program is that of the package; the static one says so."""
 
 import base64
 import json

@@ -1,7 +1,5 @@
 """Opens checkpoints in onnxruntime (through `graspmill weights export`) and safetensors; reads what PyTorch wrote.
-
-Weights, grids and expected outputs come from lab/golden_torch.py, so PyTorch's values are known without PyTorch.
-"""
+Weights, grids and expected outputs come from lab/golden_torch.py, so PyTorch's values are known without PyTorch."""
 
 import json
 
@@ -51,7 +49,6 @@ def export(*words, code=0):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Golden weights in both modes, as checkpoints and exported."""
     place = tmp_path_factory.mktemp("interchange")
     save_file(weights(), place / "weights.safetensors")
     for mode in MODES:
@@ -123,7 +120,6 @@ def torch():
 
 @pytest.mark.parametrize(("zipped", "wrapped"), [(True, True), (False, False)])
 def test_what_pytorch_saves_comes_back_bit_by_bit(tmp_path, zipped, wrapped, torch):
-    """Through the package, which reads PyTorch's files with PyTorch."""
     graspmill = pytest.importorskip("graspmill.torch")
     state = {name: torch.from_numpy(values) for name, values in weights().items()}
     saved = {"epoch": 7, "state_dict": {f"module._orig_mod.{name}": tensor for name, tensor in state.items()}} if wrapped else state

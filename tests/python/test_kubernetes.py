@@ -1,8 +1,6 @@
-"""The cluster files match their schemas and this program.
-
-No cluster is needed: the manifests are checked with Kubernetes' own schemas (kubernetes-validate) and with what an API server
-asks beyond them. `cli/tests/it/generate/cluster.rs` has what the pods make.
-"""
+"""The cluster files match their schemas and this program. No cluster is needed: the manifests are checked with
+Kubernetes' own schemas (kubernetes-validate) and with what an API server asks beyond them.
+`cli/tests/it/generate/cluster.rs` has what the pods make."""
 
 import copy
 import functools

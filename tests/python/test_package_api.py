@@ -151,7 +151,6 @@ def again(value):
 
 
 def content(value):
-    """What makes an object equal to another, in comparable parts."""
     parts = {name: part for name, part in vars(value).items() if not name.startswith("_")}
     return {name: (part.shape, part.tobytes()) if isinstance(part, np.ndarray) else part for name, part in parts.items()}
 

@@ -28,7 +28,6 @@ scene = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15
 
 
 def told(code, before="", timeout=120, **options):
-    """What a script prints; it must end with 0."""
     return ran(sys.executable, "-c", before + SCENE + textwrap.dedent(code), timeout=timeout, **options).stdout
 
 

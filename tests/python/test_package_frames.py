@@ -194,7 +194,6 @@ def test_other_cameras_stand_in_the_frame_of_the_first():
 
 
 def points_of(depth):
-    """The points of a depth image in its camera's frame."""
     v, u = np.nonzero(depth)
     z = depth[v, u]
     return np.stack([(u - 320.0) / 540.0 * z, (v - 240.0) / 540.0 * z, z], axis=1).astype(np.float32)

@@ -156,18 +156,6 @@ def test_a_width_that_was_not_seen_is_left_out(tmp_path):
     assert all("pregrasp_cspace_position" in one for one in isaac)
 
 
-def test_our_reader_reads_them(tmp_path):
-    plan = random_plan()
-    isaac = graspmill.read_grasps(plan.save(tmp_path / "grasps.yaml"), gripper="franka_hand")
-    graspnet = graspmill.read_grasps(plan.save(tmp_path / "grasps.npy"))
-    want = np.stack([grasp.camera_from_grasp for grasp in plan])
-    for told in (isaac, graspnet):
-        np.testing.assert_allclose(told.object_from_grasp, want, atol=2e-7)
-        np.testing.assert_allclose(told.score, plan.qualities, atol=1e-8)
-    np.testing.assert_allclose(isaac.opening_m, [grasp.opening_m for grasp in plan], atol=2e-6)
-    assert isaac.held is None and isaac.name == "camera"
-
-
 def test_the_frame_is_the_robots_base_where_it_is_known(tmp_path):
     shifted = DOWN | {"position_m": [1.0, 2.0, 3.0]}
     plan = plan_of([row(base_from_grasp=shifted, camera_from_grasp=DOWN)])

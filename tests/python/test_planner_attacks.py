@@ -1,8 +1,6 @@
-"""Hostile and faulty clients of `graspmill serve`.
-
-Each kind of malformed request is a function that returns the bytes of a body and whether it must be refused. A body with a
-random difference from a valid one (a flipped bit) may also be accepted. `planner/src/input` damages images, clouds and grids.
-"""
+"""Hostile and faulty clients of `graspmill serve`. Each kind of malformed request is a function that returns the bytes
+of a body and whether it must be refused. A body with a random difference from a valid one (a flipped bit) may also be
+accepted. `planner/src/input` damages images, clouds and grids."""
 
 import json
 import random
@@ -27,7 +25,6 @@ def service(tmp_path_factory):
 
 
 def changed_somewhere(chance, value):
-    """A request with another value at any of its places."""
     request = {"views": [seen()]}
     return json.dumps(changed(request, ".".join(map(str, chance.choice(list(leaves(request))))), value))
 
@@ -77,7 +74,6 @@ BODIES = [random_bytes, cut_json, flipped_json, wrong_type, deep, deep_inside, h
 
 
 def broken_http(chance):
-    """Bytes that are not quite HTTP."""
     body = json.dumps({"views": [seen(width=4, height=4)]}).encode()
     head = b"POST /v1/plan HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: application/json\r\n"
     chunked = head + b"Transfer-Encoding: chunked\r\n\r\n"
@@ -120,7 +116,6 @@ def check_raw(got):
 
 
 def leave_early(service, chance):
-    """Sends part of a request and disconnects, with or without a reset."""
     body = json.dumps({"views": [seen()]}).encode()
     head = b"POST /v1/plan HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n"
     request = head % len(body) + body

@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 
 from mutations import leaves
-from planner_service import DEMO, JSON, ROOT, check_error, demo_request, matrix, running, seen
+from planner_service import DEMO, JSON, ROOT, check_error, demo_request, matrix, running
 from programs import run
 
 
@@ -62,12 +62,6 @@ def test_it_plans_what_the_command_plans_each_time_with_the_same_bytes(service):
     assert answer["grasps"] and answer["reason"] is None and answer["format"] == "graspmill-plan/3"
     assert re.fullmatch(r"parse;dur=[0-9.]+(, [\w-]+;dur=[0-9.]+)+", headers["server-timing"])
     assert service.plan(demo_request())[2] == body
-
-
-def test_nothing_to_grasp_is_an_answer(service):
-    status, _, body = service.plan({"views": [seen()]})
-    answer = json.loads(body)
-    assert status == 200 and answer["grasps"] == [] and answer["reason"], answer
 
 
 def test_a_taken_port_is_told_and_sigterm_ends_it_with_0(service, tmp_path):

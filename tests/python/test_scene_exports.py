@@ -1,8 +1,6 @@
-"""Scenes for simulators: MuJoCo, PyBullet and USD load them, and what is at rest stays there.
-
-Piles of primitives, household and catalogue objects, in bins, on trays and in shelves. The numbers are held against the
-cross-check's own reading of the dataset.
-"""
+"""Scenes for simulators: MuJoCo, PyBullet and USD load them, and what is at rest stays there. Piles of primitives,
+household and catalogue objects, in bins, on trays and in shelves. The numbers are held against the cross-check's own
+reading of the dataset."""
 
 import json
 
@@ -24,7 +22,6 @@ REST_SHARE = {"mujoco": 0.95, "pybullet": 0.8}
 
 @pytest.fixture(scope="module", params=["everyday", "judge", pytest.param("demo", marks=pytest.mark.long)])
 def stored(request, tmp_path_factory):
-    """A dataset, and the same as the cross-check reads it."""
     folder = tmp_path_factory.mktemp(request.param) / "ds"
     config, scenes = ROOT / f"configs/generate/{request.param}.toml", CONFIGS[request.param]
     dataset = graspmill.generate(folder, config, shards=1, attempts=6 * scenes, seed=5, settings={"attempts_per_scene": 6})

@@ -1,7 +1,5 @@
-"""scripts/cluster on a real Slurm: after any kills, datasets and training end the same.
-
-The cluster is on loopback (slurm.py); without Slurm the tests are skipped with a reason.
-"""
+"""scripts/cluster on a real Slurm: after any kills, datasets and training end the same. The cluster is on loopback
+(slurm.py); without Slurm the tests are skipped with a reason."""
 
 import contextlib
 import os

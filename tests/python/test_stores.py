@@ -1,8 +1,6 @@
-"""A dataset on a real S3 server trains as from a folder, and faults of the server are reported.
-
-The server is SeaweedFS on loopback in a temporary folder; nothing outside this machine is contacted. If it cannot be
-started, the tests are skipped with a reason.
-"""
+"""A dataset on a real S3 server trains as from a folder, and faults of the server are reported. The server is SeaweedFS
+on loopback in a temporary folder; nothing outside this machine is contacted. If it cannot be started, the tests are
+skipped with a reason."""
 
 import json
 import os
@@ -69,7 +67,6 @@ def free_port():
 
 @pytest.fixture(scope="module")
 def port(tmp_path_factory):
-    """The port of a server that holds the dataset."""
     folder, port = tmp_path_factory.mktemp("s3"), free_port()
     server, reason = start(folder, port)
     if server is None:
@@ -136,7 +133,6 @@ def generate(out, env, *more, code=0):
 
 
 def objects(port, prefix):
-    """Every object below a prefix, with its bytes."""
     files = [entry for entry in store(port).get_file_info(fs.FileSelector(prefix, allow_not_found=True, recursive=True)) if entry.is_file]
     read = {entry.path.removeprefix(f"{prefix}/"): store(port).open_input_stream(entry.path).read() for entry in files}
     return {name: bytes for name, bytes in read.items() if name}

@@ -1,7 +1,5 @@
-"""`python/examples/train_ddp.py` under `torchrun`: two ranks compute what one process does, and a killed rank costs nothing.
-
-Rendezvous and gloo are on loopback, at free ports.
-"""
+"""`python/examples/train_ddp.py` under `torchrun`: two ranks compute what one process does, and a killed rank costs
+nothing. Rendezvous and gloo are on loopback, at free ports."""
 
 import os
 import sys
@@ -26,7 +24,6 @@ def dataset(tmp_path_factory):
 
 
 def torchrun(folder, script, *words, restarts=0):
-    """Runs a script as two ranks with one thread each."""
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2", f"--max-restarts={restarts}"]
     env = {**os.environ, "OMP_NUM_THREADS": "1", "TORCH_DISABLE_SHARE_RDZV_TCP_STORE": "1"}
     done = ran(*command, script, *words, cwd=folder, env=env, timeout=END_S, code=None)
