@@ -9,9 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
-from programs import PACKAGE, commanded, program, ran, rounds_of
-
-from planner_service import ROOT, running
+from programs import PACKAGE, ROOT, commanded, program, ran, rounds_of
 
 GONE, BROKEN, SLOW = object(), object(), object()
 DOWN = {"translation": [0, 0, 0], "rotation_matrix": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], "score": 0.5, "gripper_width": None}
@@ -211,13 +209,12 @@ def test_what_another_planner_does_not_heed_is_refused_or_said(tmp_path):
         assert "quality_min" not in report["about"]["config"] and report["about"]["planner"].startswith(url)
 
 
-def test_our_own_service_is_a_planner_and_a_run_goes_on(tmp_path):
-    with running(tmp_path) as service:
-        url = ("--planner", f"http://127.0.0.1:{service.port}/predict")
-        run(tmp_path / "whole", *url, rounds=2, by=PACKAGE)
-        run(tmp_path / "parts", *url, rounds=1)
-        run(tmp_path / "parts", *url, rounds=2)
-        told = run(tmp_path / "parts", *url, "--tip-depth", "0.01", rounds=2, code=78).stderr
+def test_our_own_service_is_a_planner_and_a_run_goes_on(service, tmp_path):
+    url = ("--planner", f"http://127.0.0.1:{service.port}/predict")
+    run(tmp_path / "whole", *url, rounds=2, by=PACKAGE)
+    run(tmp_path / "parts", *url, rounds=1)
+    run(tmp_path / "parts", *url, rounds=2)
+    told = run(tmp_path / "parts", *url, "--tip-depth", "0.01", rounds=2, code=78).stderr
     assert "holds" in told, told
     whole, parts = ((tmp_path / name / "report.json").read_text() for name in ("whole", "parts"))
     results = [json.loads(text)["results"] for text in (whole, parts)]
