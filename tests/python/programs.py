@@ -43,7 +43,7 @@ def packaged(*words: object, code: int = 0, **more: object) -> subprocess.Comple
     return ran(*PACKAGE, *words, code=code, **more)
 
 
-def commanded(*words: object, code: int | None = 0) -> subprocess.CompletedProcess[str]:
+def commanded(*words: object, code: int = 0) -> subprocess.CompletedProcess[str]:
     """As `packaged`, in this process, for a command that Python does wholly: a start takes longer than the command."""
     from graspmill import _commands
 

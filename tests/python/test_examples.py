@@ -32,7 +32,9 @@ def test_labels_for_grasps_of_ones_own(tmp_path):
 def test_training_in_pytorch(tmp_path):
     pytest.importorskip("torch")
     graspmill.generate(tmp_path / "ds", shards=1, attempts=120, seed=2)  # one scene to train on, and one that is unseen
-    assert "accuracy on unseen scenes" in run(tmp_path, "train_in_pytorch.py", "ds")
+    said = run(tmp_path, "train_in_pytorch.py", "ds", "2")
+    first, second = map(float, re.findall(r", step 0: ([0-9.]+)", said))
+    assert second < first and said.count("accuracy on unseen scenes") == 2
     packaged("evaluate", "--model", "paper.safetensors", "--data", "ds", "--split", "all", cwd=tmp_path)
 
 

@@ -278,23 +278,6 @@ def test_samples_of_another_origin_are_at_other_voxels(dataset):
     refused("must be left out", lambda: gt.GraspCropStream(dataset, "train", origin_behind_tips_m=0.05))
 
 
-def test_thirty_lines_of_pytorch_learn(dataset):
-    torch.manual_seed(1)
-    net, stream = gt.VoxelNetwork(), gt.GraspStream(dataset, "train", batch=16, samples_per_scene=16)
-    optimiser = torch.optim.Adam(net.parameters(), lr=1e-3)
-    first = next(iter(stream))
-    before = gt.loss(*net.at(first), first).item()
-    for step, batch in enumerate(torch.utils.data.DataLoader(stream, batch_size=None)):
-        value = gt.loss(*net.at(batch), batch)
-        optimiser.zero_grad()
-        value.backward()
-        optimiser.step()
-        if step == 4:
-            break
-    # On the same batch: from batch to batch the loss changes more than five steps do.
-    assert gt.loss(*net.at(first), first).item() < before
-
-
 def test_what_is_wrong_is_named(dataset):
     for match, arguments in (
         ("split must be", {"split": "validation"}),

@@ -84,12 +84,6 @@ def test_isaac_grasps_pose_is_the_base_of_the_gripper(tmp_path):
     assert (grasp["cspace_position"], grasp["pregrasp_cspace_position"]) == ({"panda_finger_joint1": 0.025}, {"panda_finger_joint1": 0.033})
 
 
-def test_graspnets_row_is_20_mm_behind_the_tips_as_wide_as_the_gripper_opens(tmp_path):
-    told = np.load(plan_of([row()]).save(tmp_path / "grasps.npy"))
-    want = [0.9, 0.066, 0.02, 0.02, 0, 0, 1, 0, 1, 0, -1, 0, 0, 0.01, 0.02, 0.05, -1]
-    np.testing.assert_allclose(told, [want], atol=1e-12)
-
-
 def test_moveits_pose_is_that_of_the_flange(tmp_path):
     path = plan_of([row()]).save(tmp_path / "grasps.yaml", "moveit", frame_id="table", gripper="franka_hand")
     [grasp] = loaded(path)["grasps"]
@@ -137,6 +131,9 @@ def test_every_format_has_the_poses_of_the_plan(tmp_path, frame):
     rows = np.load(plan.save(tmp_path / "grasps.npy", frame=frame))
     turned = rows[:, 4:13].reshape(-1, 3, 3)
     assert rows.shape == (len(plan), 17) and rows.dtype == np.float64
+    # As wide as the gripper opens, 20 mm high, the tips 20 mm from the centre.
+    numbers = [[one.quality, one.opening_m, 0.02, 0.02, -1] for one in plan]
+    np.testing.assert_allclose(rows[:, [0, 1, 2, 3, 16]], numbers, atol=1e-12)
     np.testing.assert_allclose(turned[:, :, [0, 1]], want[:, :3, [2, 1]], atol=1e-12)
     np.testing.assert_allclose(rows[:, 13:16] + rows[:, 3:4] * turned[:, :, 0], want[:, :3, 3], atol=1e-12)
     told = loaded(plan.save(tmp_path / "moveit.yaml", "moveit", frame=frame))["grasps"]

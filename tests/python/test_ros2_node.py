@@ -152,11 +152,10 @@ def test_intrinsics_are_those_of_the_rectified_image():
 def test_clouds_are_points_that_are_finite(is_big):
     points = np.array([[[1, 2, 3], [4, np.nan, 6]], [[7, 8, 9], [np.inf, 1, 2]]], ">f4" if is_big else "<f4")
     step, row_step = 20, 44
-    data = bytearray(2 * row_step)
-    for y, x in np.ndindex(2, 2):
-        for axis, offset in enumerate((8, 4, 16)):
-            at = y * row_step + x * step + offset
-            data[at : at + 4] = points[y, x, axis : axis + 1].tobytes()
+    at = {"names": [*"xyz"], "formats": [points.dtype] * 3, "offsets": [8, 4, 16], "itemsize": step}
+    rows = np.zeros((2, 2), np.dtype(at))
+    rows["x"], rows["y"], rows["z"] = np.moveaxis(points, 2, 0)
+    data = b"".join(row.tobytes() + bytes(row_step - 2 * step) for row in rows)
     names = zip("xyz", (8, 4, 16))
     fields = [ros.PointField(name=name, offset=offset, datatype=7, count=1) for name, offset in names]
     values = {"height": 2, "width": 2, "fields": fields, "is_bigendian": is_big, "point_step": step, "row_step": row_step}
