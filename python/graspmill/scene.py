@@ -221,12 +221,8 @@ class Scene(Immutable):
     @property
     def objects(self) -> list[Object]:
         """The objects, with their poses."""
-        rows = []
-        for number, pose in enumerate(self._native.poses().tolist()):
-            found = self._native.object(number)
-            assert found is not None
-            rows.append(Object._wrap(*found, tuple(pose)))
-        return rows
+        found = map(self._native.object, range(len(self)))
+        return [Object._wrap(*one, tuple(pose)) for one, pose in zip(found, self._native.poses().tolist()) if one]
 
     @property
     def table_z_m(self) -> float:
