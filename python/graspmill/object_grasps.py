@@ -133,8 +133,8 @@ class ObjectGrasps:
         return replace(self, **values)
 
     def best(self, n: int) -> ObjectGrasps:
-        """The strongest grasps that held, at most ``n`` and strongest first, of which none is within 20 mm and 30° (or
-        half a turn) of a stronger one, as ``graspmill objects annotate --best`` keeps them: by ``tug_max_g`` times
+        """The strongest grasps that held, at most ``n`` and strongest first, of which none is within 20 mm and 30° of a
+        stronger one (half turns are equal), as ``graspmill objects annotate --best`` keeps them: by ``tug_max_g`` times
         ``p_held`` times ``score``, as far as they are known. Where ``held`` is ``None``, all grasps count."""
         count = _arrays.whole("n", n, 1, GRASPS_MAX)
         likely = _factor(self.p_held)

@@ -1,6 +1,7 @@
 """Under GRASPMILL_NO_SKIPS=1 a skipped test fails, unless its reason names one of GRASPMILL_MISSING: what scripts/test.sh
 could not install, or may not do on this machine."""
 
+import math
 import os
 import sys
 from pathlib import Path
@@ -50,6 +51,18 @@ def dataset(tmp_path_factory):
 @pytest.fixture(scope="session")
 def planner():
     return pytest.importorskip("graspmill").Planner()
+
+
+@pytest.fixture(scope="session")
+def tsdf():
+    """That of a box and a cylinder on the table, which a ring of six cameras sees."""
+    from grasp_sets import graspmill
+
+    box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.10, 0.12, 0.075))
+    can = graspmill.Object.solid("cylinder", (0.05, 0.05, 0.07), (0.20, 0.18, 0.085))
+    turns = [number * math.pi / 3 for number in range(6)]
+    eyes = [(0.15 + 0.3 * math.cos(turn), 0.15 + 0.3 * math.sin(turn), 0.5) for turn in turns]
+    return graspmill.Scene([box, can]).tsdf([graspmill.Camera.look_at(eye) for eye in eyes])
 
 
 @pytest.fixture(scope="session")

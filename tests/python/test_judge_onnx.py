@@ -14,27 +14,16 @@ pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/tes
 VIEWS = 6
 
 
-def tsdf():
-    """A box and a cylinder on the table, seen from above: what is under them was not."""
-    at = (np.stack(np.meshgrid(*[np.arange(40)] * 3, indexing="ij"), axis=-1) + 0.5) * 0.0075
-    box = np.abs(at - [0.10, 0.12, 0.075]) - [0.02, 0.03, 0.025]
-    box = np.linalg.norm(np.maximum(box, 0), axis=-1) + np.minimum(box.max(axis=-1), 0)
-    off = np.stack([np.hypot(at[..., 0] - 0.2, at[..., 1] - 0.18) - 0.025, np.abs(at[..., 2] - 0.085) - 0.035], axis=-1)
-    can = np.linalg.norm(np.maximum(off, 0), axis=-1) + np.minimum(off.max(axis=-1), 0)
-    distance = np.minimum(np.minimum(box, can), at[..., 2] - 0.05) / 0.03
-    return np.where(np.abs(distance) < 0.98, (distance + 1) / 2, 0).astype(np.float32)
-
-
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, tsdf):
     place = tmp_path_factory.mktemp("judge")
     packaged("weights", "export", ROOT / "models/judge.safetensors", "--format", "onnx", "--out", place / "judge.onnx")
-    np.save(place / "scene.npy", tsdf())
+    np.save(place / "scene.npy", tsdf)
     packaged("plan", "--tsdf", place / "scene.npy", "--explain", "--quiet", "--out", place / "plan.json")
     return place
 
 
-def test_the_judge_in_onnx_says_what_the_planner_says(folder):
+def test_the_judge_in_onnx_says_what_the_planner_says(folder, tsdf):
     plan = json.loads((folder / "plan.json").read_text())
     judge = Judge(folder / "judge.onnx")
     grasps = grasps_of(folder / "plan.json")
@@ -43,7 +32,7 @@ def test_the_judge_in_onnx_says_what_the_planner_says(folder):
     turned = [(position, [y, -x, w, -z]) for position, (x, y, z, w) in grasps]
     # Its best grasps it judged in all four mirror images, the others as they are.
     mirrored = [(False, False), (True, False), (False, True), (True, True)]
-    each = np.stack([[judge.outcomes(tsdf(), poses, VIEWS, by) for by in mirrored] for poses in (grasps, turned)])
+    each = np.stack([[judge.outcomes(tsdf, poses, VIEWS, by) for by in mirrored] for poses in (grasps, turned)])
     np.testing.assert_allclose(each.sum(axis=-1), 1, atol=1e-5)
     held = each[..., OUTCOMES.index("held")]
     expected = np.array([grasp["quality"] for grasp in plan["grasps"]])

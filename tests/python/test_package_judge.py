@@ -16,15 +16,6 @@ MODELS = Path(__file__).parents[2] / "models"
 JUDGES = [("judge", "parallel_jaw_80"), ("judge-any-jaw", "wsg_50")]
 
 
-@pytest.fixture(scope="module")
-def scene():
-    """A box and a cylinder on the table, seen by a ring of cameras."""
-    box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.10, 0.12, 0.075))
-    can = graspmill.Object.solid("cylinder", (0.05, 0.05, 0.07), (0.20, 0.18, 0.085))
-    cameras = [graspmill.Camera.look_at((0.15 + 0.3 * np.cos(a), 0.15 + 0.3 * np.sin(a), 0.5)) for a in np.arange(6) * np.pi / 3]
-    return graspmill.Scene([box, can]).tsdf(cameras)
-
-
 def asked(judge, tsdf, poses, gripper):
     """``[4, N]``: the probability of ``held`` in each mirror image."""
     crops = graspmill.grasp_crops(tsdf, poses, gripper=gripper, views=6)
@@ -46,23 +37,23 @@ def planned(path, tsdf, gripper):
 
 
 @pytest.mark.parametrize(("name", "gripper"), JUDGES)
-def test_a_judge_answers_as_the_native_one_and_goes_both_ways(name, gripper, scene, tmp_path):
+def test_a_judge_answers_as_the_native_one_and_goes_both_ways(name, gripper, tsdf, tmp_path):
     path = MODELS / f"{name}.safetensors"
     judge = gt.Judge.load(path)
-    plan, answer = planned(path, scene, gripper)
+    plan, answer = planned(path, tsdf, gripper)
     expected = np.array([grasp.quality for grasp in plan])
     assert len(expected) >= 5
     # Of its six best grasps the planner takes the mean over the mirror images, of which the half turn is one.
-    apart = np.abs(asked(judge, scene, plan.workspace_from_grasp, gripper).mean(axis=0) - expected)
+    apart = np.abs(asked(judge, tsdf, plan.workspace_from_grasp, gripper).mean(axis=0) - expected)
     assert apart.max() < 1e-5, apart
     judge.save(tmp_path / "saved.safetensors")
-    assert planned(tmp_path / "saved.safetensors", scene, gripper)[1] == answer
+    assert planned(tmp_path / "saved.safetensors", tsdf, gripper)[1] == answer
     again = gt.Judge.load(tmp_path / "saved.safetensors")
     assert (again.trained_for, again.dataset_id, again.config) == (judge.trained_for, judge.dataset_id, judge.config)
     assert all(torch.equal(tensor, again.state_dict()[key]) for key, tensor in judge.state_dict().items())
 
 
-def test_a_judge_of_a_dataset_is_trained_for_its_grippers(scene, tmp_path):
+def test_a_judge_of_a_dataset_is_trained_for_its_grippers(tsdf, tmp_path):
     gripper = graspmill.Gripper.load("wsg_50")
     dataset = graspmill.generate(tmp_path / "ds", shards=1, attempts=120, gripper="wsg_50", seed=3)
     judge = gt.Judge(dataset)
@@ -78,7 +69,7 @@ def test_a_judge_of_a_dataset_is_trained_for_its_grippers(scene, tmp_path):
         optimiser.step()
     assert values[-1] < values[0]
     judge.save(tmp_path / "judge.safetensors")
-    graspmill.Planner(model=tmp_path / "judge.safetensors", gripper="wsg_50").plan_tsdf(scene)
+    graspmill.Planner(model=tmp_path / "judge.safetensors", gripper="wsg_50").plan_tsdf(tsdf)
     refused("the judge was trained for the gripper wsg_50", lambda: graspmill.Planner(model=tmp_path / "judge.safetensors", gripper="parallel_jaw_80"))
 
 
