@@ -189,9 +189,9 @@ def test_the_inertia_of_a_model_is_mujocos(tmp_path):
             for place, (x, y, z) in enumerate(dice.uniform(0.005, 0.017, (3, 3)))
         )
         text = f'<replicate count="2" offset="0 0.2 0.01" euler="0 0 30">{geoms}</replicate>'
-        (tmp_path / f"m{number}.xml").write_text(
-            f'<mujoco><default><geom density="700"/></default><worldbody><body pos="0.05 -0.02 0.1" {turn()}>{text}</body></worldbody></mujoco>'
-        )
+        body = f'<worldbody><body pos="0.05 -0.02 0.1" {turn()}>{text}</body></worldbody>'
+        model = f'<mujoco><default><geom density="700"/></default>{body}</mujoco>'
+        (tmp_path / f"m{number}.xml").write_text(model)
     for name, body in all_imported(tmp_path).items():
         theirs = mujoco.MjModel.from_xml_path(str(tmp_path / f"{name}.xml"))
         data = mujoco.MjData(theirs)

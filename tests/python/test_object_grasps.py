@@ -5,7 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from grasp_sets import ABOVE, BASE_M, ENDINGS, FORMATS, ObjectGrasps, again, box_obj, graspmill, many, one_above, read_grasps, refused, saved
+from grasp_sets import ABOVE, BASE_M, ENDINGS, FORMATS, ObjectGrasps, again, box_obj, graspmill, many
+from grasp_sets import one_above, read_grasps, refused, saved
 from programs import packaged
 
 # Where a gripper is that comes from straight above, by hand.
