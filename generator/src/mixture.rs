@@ -6,7 +6,7 @@
 
 use core::f32::consts::FRAC_PI_6;
 
-use grasps::{CandidateSampler, Judge, ObservedScene, ScoredGrasp, Search};
+use grasps::{CandidateSampler, Judge, ObservedScene, ScoredGrasp, Search, Spread};
 use schema::{
     Approach, AttemptRecord, Grasp, ObjectRecord, Pose, Purpose, Rule, Stream, Vec3, View, VoxelGrid, axis_angle,
     pose_from_parts,
@@ -135,6 +135,8 @@ fn best(judge: &Judge, seen: ObservedScene<'_>, count: usize, stream: &mut Strea
     let search = Search {
         proposals: JUDGED_OF,
         asked: JUDGED_OF,
+        spread: Spread::Evenly,
+        previous: None,
         apart_m: APART_M,
         about_m: &[],
         are_wanted: &all,

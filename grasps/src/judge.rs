@@ -6,7 +6,8 @@ use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Pose, Stream, Vec3};
 
-use crate::{CandidateSampler, ObservedScene, Search, Space, kept};
+use crate::things::Things;
+use crate::{CandidateSampler, ObservedScene, Search, Space, Spread, kept};
 
 /// Candidates that one thread judges together.
 const TOGETHER: usize = 8;
@@ -15,6 +16,8 @@ const SCREENED: usize = 32;
 /// One of so many candidates that are chosen has its tips further than this from all that were chosen before.
 const APART: usize = 8;
 const SPREAD_M: f32 = 0.03;
+/// Of so many candidates that are chosen so many are shared among the things, if there are several.
+const SHARED: [usize; 2] = [3, 8];
 
 /// Where no candidate holds with more than this probability, more are proposed: at the second and the third time so
 /// many times as many, and the judge is asked about so many times as many.
@@ -32,6 +35,9 @@ const LEADERS: usize = 6;
 /// They are moved by the largest of these shares of the way where the judge is as sure of them but for this.
 const SHARES: [f32; 2] = [0.5, 1.0];
 const AS_SURE: f32 = 0.03;
+/// A grasp of an earlier search is asked about at the first of these distances before it at which it is free: noise
+/// moves what was seen.
+const BEFORE_M: [f32; 4] = [0.0, 0.002, 0.004, 0.006];
 
 /// A judge, prepared for a gripper on a grid.
 #[derive(Debug, Clone)]
@@ -51,6 +57,15 @@ pub struct ScoredGrasp {
     /// If it holds, the share of repeats with other masses, other friction and slightly moved grasps that would, too;
     /// `None` of a judge that did not learn it.
     pub robustness: Option<f32>,
+    /// What it touches, of the things that are apart from each other; `None` where these were not told apart.
+    pub thing: Option<usize>,
+}
+
+/// What was seen, prepared for questions.
+struct Seen<'a> {
+    space: Space<'a>,
+    things: Things,
+    views: usize,
 }
 
 /// What the network says of a candidate.
@@ -95,7 +110,8 @@ impl Judge {
     /// First come the best of those whose tips are `apart_m` from each other, then the others, each best first; beside
     /// them the number of proposals. The best are asked about again in each mirror image: a grasp and its mirror image
     /// end alike, so where the answers differ their mean is nearer to the truth. Only candidates that are wanted are
-    /// proposed, and if `about_m` has places only near these. The best grasps are moved towards a `better` place.
+    /// proposed, and if `about_m` has places only near these. The best grasps are moved towards a `better` place; so is
+    /// a `previous` one, which counts as one of the best.
     #[must_use]
     pub fn scored_grasps(
         &self,
@@ -103,100 +119,161 @@ impl Judge {
         search: &Search<'_>,
         stream: &mut Stream,
     ) -> (Vec<ScoredGrasp>, usize) {
-        let Search { proposals, asked, apart_m, about_m, are_wanted, .. } = *search;
+        let Search { proposals, asked, apart_m, spread, .. } = *search;
         let space = Space::new(seen.field, seen.fine, seen.reach_m);
-        let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), 0);
-        let mut wanted = space.near(about_m, ABOUT_M);
+        let about = space.near(search.about_m, ABOUT_M);
+        let things = if spread == Spread::Evenly { Things::default() } else { Things::new(&space, &about) };
+        let seen = Seen { space, things, views: seen.views };
+        let previous = self.previous(&seen, search);
+        let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), usize::from(previous.is_some()));
+        let mut wanted = seen.things.shared(&seen.space, &about, true, |_| true);
         for [more, more_asked] in SEARCHES {
-            let candidates = self.sampler.search(&space, &wanted, are_wanted, more * proposals, stream);
-            proposed += candidates.len();
-            let candidates = self.likeliest(&space, seen.views, candidates, more_asked * asked);
-            judged.extend(pair(&candidates, &self.judge(&space, seen.views, &candidates, [false; 2])));
-            if candidates.is_empty() || judged.iter().any(|judged| judged.quality() > SURE) {
+            let search = Search { proposals: more * proposals, asked: more_asked * asked, ..*search };
+            let (found, count) = self.found(&seen, &wanted, &search, stream);
+            judged.extend(found);
+            proposed += count;
+            if count == 0 || judged.iter().chain(&previous).any(|judged| judged.quality() > SURE) {
                 break;
             }
-            wanted = space.near(&hopeful_m(&judged), NEAR_M);
+            wanted = seen.space.near(&hopeful_m(&judged), NEAR_M);
         }
-        let (mut best, rest) = leaders(sorted(judged), apart_m);
-        self.move_where_better(&space, seen.views, &mut best, search);
-        let grasps: Vec<Grasp> = best.iter().map(|judged| judged.grasp).collect();
-        let mirrored = [[true, false], [false, true], [true, true]];
-        for outcomes in mirrored.map(|mirrored| self.judge(&space, seen.views, &grasps, mirrored)) {
-            for (judged, (outcomes, robustness)) in best.iter_mut().zip(outcomes) {
-                judged.outcomes.iter_mut().zip(outcomes).for_each(|(sum, outcome)| *sum += outcome);
-                judged.robustness = judged.robustness.zip(robustness).map(|(sum, share)| sum + share);
+        if spread == Spread::Each {
+            let is_sure = |thing| judged.iter().any(|one| one.thing == Some(thing) && one.quality() > SURE);
+            let lacking = seen.things.shared(&seen.space, &about, false, |thing| !is_sure(thing));
+            if seen.things.count() > 0 && !lacking[0].is_empty() {
+                let (found, count) = self.found(&seen, &lacking, search, stream);
+                judged.extend(found);
+                proposed += count;
             }
         }
-        let images = (1 + mirrored.len()) as f32;
-        for judged in &mut best {
-            judged.outcomes = judged.outcomes.map(|sum| sum / images);
-            judged.robustness = judged.robustness.map(|sum| sum / images);
-        }
+        let (mut best, rest) = leaders(sorted(judged), apart_m, spread);
+        best.extend(previous);
+        self.move_where_better(&seen, &mut best, search);
+        self.judge_mirrored(&seen, &mut best);
         let mut all = sorted(best);
         all.extend(rest);
         (all, proposed)
+    }
+
+    /// Candidates of one search about which the judge was asked, and the number of those that were proposed.
+    fn found(
+        &self,
+        seen: &Seen<'_>,
+        wanted: &[Vec<usize>; 2],
+        search: &Search<'_>,
+        stream: &mut Stream,
+    ) -> (Vec<ScoredGrasp>, usize) {
+        let candidates = self.sampler.search(&seen.space, wanted, search.are_wanted, search.proposals, stream);
+        let proposed = candidates.len();
+        let chosen = self.likeliest(seen, candidates, search.asked);
+        let grasps: Vec<Grasp> = chosen.iter().map(|(_, grasp)| *grasp).collect();
+        let judged = pair(&grasps, &self.judge(seen, &grasps, [false; 2]));
+        let of_thing =
+            |((at_m, _), judged): (&(Vec3, Grasp), ScoredGrasp)| ScoredGrasp { thing: seen.things.at(*at_m), ..judged };
+        (chosen.iter().zip(judged).map(of_thing).collect(), proposed)
+    }
+
+    /// What the judge says of the grasp of an earlier search where it is free and wanted, or a little before it.
+    fn previous(&self, seen: &Seen<'_>, search: &Search<'_>) -> Option<ScoredGrasp> {
+        let previous = search.previous?;
+        let mut tries = BEFORE_M.map(|_| previous).to_vec();
+        for (grasp, before_m) in tries.iter_mut().zip(BEFORE_M) {
+            let approach = grasp.workspace_from_grasp.rotation * Vec3::Z;
+            grasp.workspace_from_grasp.translation -= before_m * approach;
+        }
+        tries.retain(|grasp| self.sampler.is_free(&seen.space, &grasp.workspace_from_grasp));
+        let mut tries = kept(&tries, &(search.are_wanted)(&tries));
+        tries.truncate(1);
+        pair(&tries, &self.judge(seen, &tries, [false; 2])).pop()
     }
 
     /// Moves grasps to where `better` finds that they fit better, as far as they are free and wanted there and the
     /// judge is as sure of them.
     fn move_where_better(
         &self,
-        space: &Space<'_>,
-        views: usize,
+        seen: &Seen<'_>,
         best: &mut [ScoredGrasp],
         Search { are_wanted, better, .. }: &Search<'_>,
     ) {
         let steps = best.par_iter().enumerate().flat_map_iter(|(place, judged)| {
             let there = better(&judged.grasp);
             let moved = there.into_iter().flat_map(|there| SHARES.map(|share| part_way(&judged.grasp, &there, share)));
-            let free = moved.filter(|grasp| self.sampler.is_free(space, &grasp.workspace_from_grasp));
+            let free = moved.filter(|grasp| self.sampler.is_free(&seen.space, &grasp.workspace_from_grasp));
             free.map(move |grasp| (place, grasp)).collect::<Vec<_>>()
         });
         let steps: Vec<(usize, Grasp)> = steps.collect();
         let moved: Vec<Grasp> = steps.iter().map(|(_, grasp)| *grasp).collect();
         let steps = kept(&steps, &are_wanted(&moved));
         let moved: Vec<Grasp> = steps.iter().map(|(_, grasp)| *grasp).collect();
-        let judged = pair(&moved, &self.judge(space, views, &moved, [false; 2]));
+        let judged = pair(&moved, &self.judge(seen, &moved, [false; 2]));
         let least: Vec<f32> = best.iter().map(|judged| judged.quality() - AS_SURE).collect();
         for ((place, _), there) in steps.into_iter().zip(judged) {
             if there.quality() >= least[place] {
-                best[place] = there;
+                best[place] = ScoredGrasp { thing: best[place].thing, ..there };
             }
         }
     }
 
-    /// Of many candidates the `asked` ones that a quick look finds likeliest to hold, in their order: at last some that
-    /// are apart from all others, so that all things are asked about.
-    fn likeliest(&self, space: &Space<'_>, views: usize, candidates: Vec<Grasp>, asked: usize) -> Vec<Grasp> {
+    /// Asks about grasps in their mirror images, too.
+    fn judge_mirrored(&self, seen: &Seen<'_>, best: &mut [ScoredGrasp]) {
+        let grasps: Vec<Grasp> = best.iter().map(|judged| judged.grasp).collect();
+        let mirrored = [[true, false], [false, true], [true, true]];
+        for outcomes in mirrored.map(|mirrored| self.judge(seen, &grasps, mirrored)) {
+            for (judged, (outcomes, robustness)) in best.iter_mut().zip(outcomes) {
+                judged.outcomes.iter_mut().zip(outcomes).for_each(|(sum, outcome)| *sum += outcome);
+                judged.robustness = judged.robustness.zip(robustness).map(|(sum, share)| sum + share);
+            }
+        }
+        let images = (1 + mirrored.len()) as f32;
+        for judged in best {
+            judged.outcomes = judged.outcomes.map(|sum| sum / images);
+            judged.robustness = judged.robustness.map(|sum| sum / images);
+        }
+    }
+
+    /// Of many candidates the `asked` ones that a quick look finds likeliest to hold, in their order: then those that
+    /// give each thing its share, and at last some that are apart from all others, so that all things are asked about.
+    fn likeliest(&self, seen: &Seen<'_>, candidates: Vec<(Vec3, Grasp)>, asked: usize) -> Vec<(Vec3, Grasp)> {
         let Some(screen) = Screen::built_in().filter(|_| asked < candidates.len()) else { return candidates };
-        let logits = |some: &[Grasp]| {
-            let poses: Vec<Pose> = some.iter().map(|candidate| candidate.workspace_from_grasp).collect();
-            screen.logits(&self.crop, &space.padded, views, &poses)
+        let logits = |some: &[(Vec3, Grasp)]| {
+            let poses: Vec<Pose> = some.iter().map(|(_, candidate)| candidate.workspace_from_grasp).collect();
+            screen.logits(&self.crop, &seen.space.padded, seen.views, &poses)
         };
         let logits = candidates.par_chunks(SCREENED).map(logits).collect::<Vec<_>>().concat();
         let mut order: Vec<usize> = (0..candidates.len()).collect();
         order.sort_by(|a, b| logits[*b].total_cmp(&logits[*a]));
-        let (mut chosen, mut left) = (order[..asked - asked / APART].to_vec(), order[asked - asked / APART..].to_vec());
-        let tips_m = |number: usize| candidates[number].workspace_from_grasp.translation;
-        left.retain(|number| {
-            let is_apart = |other: &usize| (tips_m(*other) - tips_m(*number)).length() > SPREAD_M;
-            let is_chosen = chosen.len() < asked && chosen.iter().all(is_apart);
-            chosen.extend(is_chosen.then_some(*number));
-            !is_chosen
+        let (count, apart) = (seen.things.count(), asked / APART);
+        let shared = if count > 0 { asked * SHARED[0] / SHARED[1] } else { 0 };
+        let (mut chosen, mut left) =
+            (order[..asked - shared - apart].to_vec(), order[asked - shared - apart..].to_vec());
+        let mut add = |most: usize, is_meant: &dyn Fn(&[usize], usize) -> bool| {
+            left.retain(|number| {
+                let is_chosen = chosen.len() < most && is_meant(&chosen, *number);
+                chosen.extend(is_chosen.then_some(*number));
+                !is_chosen
+            });
+        };
+        let things: Vec<Option<usize>> = candidates.iter().map(|(at_m, _)| seen.things.at(*at_m)).collect();
+        add(asked - apart, &|chosen, number| {
+            let of_it = chosen.iter().filter(|other| things[**other] == things[number]).count();
+            things[number].is_some() && of_it < (shared / count).max(1)
         });
+        let tips_m = |number: usize| candidates[number].1.workspace_from_grasp.translation;
+        let is_apart = |other: usize, number: usize| (tips_m(other) - tips_m(number)).length() > SPREAD_M;
+        add(asked, &|chosen, number| chosen.iter().all(|other| is_apart(*other, number)));
         chosen.extend(&left[..asked - chosen.len()]);
         chosen.sort_unstable();
         chosen.into_iter().map(|number| candidates[number]).collect()
     }
 
     /// What the network says of grasps, which are seen mirrored or not.
-    fn judge(&self, space: &Space<'_>, views: usize, grasps: &[Grasp], mirrored: [bool; 2]) -> Vec<Answer> {
+    fn judge(&self, seen: &Seen<'_>, grasps: &[Grasp], mirrored: [bool; 2]) -> Vec<Answer> {
         let is_robust = self.network.has_robustness();
         let answer = |logits| (probabilities(&logits), is_robust.then(|| robustness(&logits)));
         let together = |some: &[Grasp]| -> Vec<Answer> {
             let mut inputs = JudgeInputs::with_capacity(some.len());
             for Grasp { workspace_from_grasp, .. } in some {
-                inputs.push(&self.crop, &space.padded, workspace_from_grasp, views, mirrored);
+                inputs.push(&self.crop, &seen.space.padded, workspace_from_grasp, seen.views, mirrored);
             }
             self.network.forward(&inputs).logits().map(answer).collect()
         };
@@ -218,11 +295,16 @@ fn hopeful_m(judged: &[ScoredGrasp]) -> Vec<Vec3> {
     hopeful.map(|judged| judged.grasp.workspace_from_grasp.translation).collect()
 }
 
-/// The best grasps that are this far apart, of grasps in order, and the others.
-fn leaders(judged: Vec<ScoredGrasp>, apart_m: f32) -> (Vec<ScoredGrasp>, Vec<ScoredGrasp>) {
+/// The best grasps that are this far apart, of grasps in order, and the others. Where each thing counts, its best one
+/// that may hold is among them.
+fn leaders(judged: Vec<ScoredGrasp>, apart_m: f32, spread: Spread) -> (Vec<ScoredGrasp>, Vec<ScoredGrasp>) {
     let (mut best, mut rest) = (Vec::<ScoredGrasp>::new(), Vec::new());
     for judged in judged {
-        let leads = best.len() < LEADERS && !best.iter().any(|better| better.is_near(&judged, apart_m));
+        let is_first = spread == Spread::Each
+            && judged.thing.is_some()
+            && judged.quality() > HOPE
+            && best.iter().all(|better| better.thing != judged.thing);
+        let leads = (best.len() < LEADERS || is_first) && !best.iter().any(|better| better.is_near(&judged, apart_m));
         if leads { &mut best } else { &mut rest }.push(judged);
     }
     (best, rest)
@@ -233,6 +315,7 @@ fn pair(grasps: &[Grasp], answers: &[Answer]) -> Vec<ScoredGrasp> {
         grasp: *grasp,
         outcomes: *outcomes,
         robustness: *robustness,
+        thing: None,
     };
     grasps.iter().zip(answers).map(scored).collect()
 }

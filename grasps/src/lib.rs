@@ -8,6 +8,7 @@
 
 mod judge;
 mod space;
+mod things;
 
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_6, PI};
 
@@ -98,6 +99,18 @@ pub type AreWanted<'a> = dyn Fn(&[Grasp]) -> Vec<bool> + 'a;
 /// Where a grasp would fit better, if that is known: moved, and turned as it is.
 pub type Better<'a> = dyn Fn(&Grasp) -> Option<Grasp> + Sync + 'a;
 
+/// How candidates are spread over what was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Spread {
+    /// Evenly over its surface.
+    Evenly,
+    /// What is apart from each other has shares: half of the candidates, and more than a third of those that the judge
+    /// is asked about, are the same for each thing.
+    Shared,
+    /// The same, and those are sought again that have no good grasp.
+    Each,
+}
+
 /// What grasps a judge is to find.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
@@ -105,6 +118,10 @@ pub struct Search<'a> {
     pub proposals: usize,
     /// Of these, the number that the judge is asked about.
     pub asked: usize,
+    /// How both are spread.
+    pub spread: Spread,
+    /// A grasp of an earlier search, about which the judge is asked, too, where it is still free.
+    pub previous: Option<Grasp>,
     /// Distance between the tips of the best ones.
     pub apart_m: f32,
     /// Places near which candidates are proposed; none for anywhere.
@@ -131,11 +148,12 @@ impl CandidateSampler {
     #[must_use]
     pub fn sample(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
         let space = Space::new(field, None, field.lattice.corners_m());
-        self.search(&space, &Default::default(), &|grasps| vec![true; grasps.len()], count, stream)
+        let found = self.search(&space, &Default::default(), &|grasps| vec![true; grasps.len()], count, stream);
+        found.into_iter().map(|(_, grasp)| grasp).collect()
     }
 
     /// [`Self::sample`] in a scene that is prepared, for several searches, on the `wanted` points of its surfaces, of
-    /// candidates that are wanted.
+    /// candidates that are wanted; each with the point that it touches.
     fn search(
         &self,
         space: &Space<'_>,
@@ -143,7 +161,7 @@ impl CandidateSampler {
         are_wanted: &AreWanted<'_>,
         count: usize,
         stream: &mut Stream,
-    ) -> Vec<Grasp> {
+    ) -> Vec<(Vec3, Grasp)> {
         let mut found = Vec::with_capacity(count);
         if space.surfaces[0].is_empty() {
             return found;
@@ -152,8 +170,11 @@ impl CandidateSampler {
             let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&space.surfaces, wanted, stream)).collect();
             let candidate = |draw: &Draw| self.candidate(space, draw);
             let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(candidate).collect();
-            let round: Vec<Grasp> = round.into_iter().flatten().collect();
-            found.extend(kept(&round, &are_wanted(&round)));
+            let touched_m = |draw: &Draw| space.surfaces[usize::from(draw.closes)][draw.point].0;
+            let round: Vec<(Vec3, Grasp)> =
+                draws.iter().zip(round).filter_map(|(draw, grasp)| Some((touched_m(draw), grasp?))).collect();
+            let grasps: Vec<Grasp> = round.iter().map(|(_, grasp)| *grasp).collect();
+            found.extend(kept(&round, &are_wanted(&grasps)));
             if found.len() >= count {
                 break;
             }
@@ -276,11 +297,19 @@ mod tests {
     }
 
     fn field_of(resolution: usize) -> VoxelGrid {
+        field_with(resolution, &[[MIDDLE_M, HALF_M]])
+    }
+
+    /// Boxes on the table, by their middles and halves of their sides.
+    fn field_with(resolution: usize, boxes: &[[Vec3; 2]]) -> VoxelGrid {
         let (grid, n) = (Grid { resolution, ..Grid::PAPER }, resolution);
         let value = |index: usize| {
             let at_m = grid.centre_m([index / (n * n), index / n % n, index % n]);
-            let outside = ((at_m - MIDDLE_M).abs() - HALF_M).max(Vec3::ZERO).length();
-            let to_box = if outside > 0.0 { outside } else { -depth_in_box_m(at_m) };
+            let to_box = |[middle_m, half_m]: &[Vec3; 2]| {
+                let off_m = (at_m - *middle_m).abs() - *half_m;
+                off_m.max(Vec3::ZERO).length() + off_m.max_element().min(0.0)
+            };
+            let to_box = boxes.iter().map(to_box).fold(f32::INFINITY, f32::min);
             let truncation_m = TRUNCATION_VOXELS * grid.voxel_size_m();
             let tsdf = (to_box.min(at_m.z - 0.05) / truncation_m).clamp(-1.0, 1.0);
             if tsdf.abs() < 0.98 { 0.5 * (tsdf + 1.0) } else { 0.0 }
@@ -333,6 +362,37 @@ mod tests {
         vec![true; grasps.len()]
     }
 
+    fn nowhere(_: &Grasp) -> Option<Grasp> {
+        None
+    }
+
+    fn search(spread: Spread) -> Search<'static> {
+        let (are_wanted, better) = (&every, &nowhere);
+        Search { proposals: 256, asked: 64, spread, previous: None, apart_m: 0.01, about_m: &[], are_wanted, better }
+    }
+
+    fn shipped() -> Judge {
+        let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
+        let weights = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/judge.safetensors");
+        Judge::new(&checkpoint::read(&weights).unwrap(), &gripper, &Grid::PAPER).unwrap()
+    }
+
+    fn judged(judge: &Judge, field: &VoxelGrid, scene: u64, search: &Search<'_>) -> Vec<ScoredGrasp> {
+        let seen = ObservedScene { field, fine: None, views: 6, reach_m: field.lattice.corners_m() };
+        judge.scored_grasps(seen, search, &mut Stream::new(1, scene, Purpose::Proposals, 0)).0
+    }
+
+    fn searched(
+        sampler: &CandidateSampler,
+        space: &Space<'_>,
+        wanted: &[Vec<usize>; 2],
+        are_wanted: &AreWanted<'_>,
+        count: usize,
+    ) -> Vec<Grasp> {
+        let found = sampler.search(space, wanted, are_wanted, count, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        found.into_iter().map(|(_, grasp)| grasp).collect()
+    }
+
     /// Those on a face of the box, when only its points are wanted.
     #[test]
     fn a_search_keeps_to_the_wanted_points() {
@@ -343,7 +403,7 @@ mod tests {
         let corner_m = MIDDLE_M + HALF_M;
         let wanted = space.near(&[corner_m], 0.02);
         assert!(wanted.iter().zip(&space.surfaces).all(|(near, all)| !near.is_empty() && near.len() < all.len() / 2));
-        let near = sampler.search(&space, &wanted, &every, 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let near = searched(&sampler, &space, &wanted, &every, 200);
         let off_m = |grasps: &[Grasp]| {
             let off_m = grasps.iter().map(|grasp| (grasp.workspace_from_grasp.translation - corner_m).length());
             off_m.sum::<f32>() / grasps.len() as f32
@@ -353,7 +413,7 @@ mod tests {
         let is_steep = |grasp: &Grasp| (grasp.workspace_from_grasp.rotation * Vec3::Z).z < -0.8;
         let steep = |grasps: &[Grasp]| grasps.iter().map(is_steep).collect();
         // Others take the place of candidates that are not wanted.
-        let found = sampler.search(&space, &wanted, &steep, 200, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let found = searched(&sampler, &space, &wanted, &steep, 200);
         assert!(found.len() == 200 && found.iter().all(is_steep) && !near.iter().all(is_steep));
     }
 
@@ -386,7 +446,7 @@ mod tests {
         let fine = SurfaceBlocks::from(&fine);
         let space = Space::new(&field, Some(&fine), field.lattice.corners_m());
         let none = Default::default();
-        let candidates = sampler.search(&space, &none, &every, 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let candidates = searched(&sampler, &space, &none, &every, 500);
         assert_eq!(candidates.len(), 500);
         let [before_m, after_m] = [&coarse, &candidates].map(|grasps| deepest_m(&gripper, grasps));
         // A millimetre is not in the way.
@@ -453,21 +513,14 @@ mod tests {
     /// A little aside the judge is as sure of grasps on a box, in the air above it is not.
     #[test]
     fn the_best_grasps_go_to_a_better_place_if_the_judge_is_as_sure() {
-        let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
-        let weights = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/judge.safetensors");
-        let judge = Judge::new(&checkpoint::read(&weights).unwrap(), &gripper, &Grid::PAPER).unwrap();
-        let field = field();
+        let (judge, field) = (shipped(), field());
         let tips_m = |off_m: Option<Vec3>| -> Vec<Vec3> {
-            let seen = ObservedScene { field: &field, fine: None, views: 6, reach_m: field.lattice.corners_m() };
             let better = |grasp: &Grasp| {
                 let pose = grasp.workspace_from_grasp;
                 let moved = |off_m: Vec3| Pose { translation: pose.translation + off_m, ..pose };
                 off_m.map(|off_m| Grasp { workspace_from_grasp: moved(off_m), ..*grasp })
             };
-            let mut stream = Stream::new(1, 0, Purpose::Proposals, 0);
-            let search =
-                Search { proposals: 256, asked: 64, apart_m: 0.01, about_m: &[], are_wanted: &every, better: &better };
-            let (found, _) = judge.scored_grasps(seen, &search, &mut stream);
+            let found = judged(&judge, &field, 0, &Search { better: &better, ..search(Spread::Evenly) });
             found.iter().map(|scored| scored.grasp.workspace_from_grasp.translation).collect()
         };
         let as_proposed_m = tips_m(None);
@@ -481,5 +534,49 @@ mod tests {
         assert!((1..=6).contains(&by_m.len()), "{by_m:?}");
         assert!(by_m.iter().all(|by_m| (by_m - 0.001).abs() < 1e-5 || (by_m - 0.0005).abs() < 1e-5), "{by_m:?}");
         assert_eq!(moved_by_m(Vec3::new(0.0, 0.0, 0.2)), [0.0; 0]);
+    }
+
+    /// A cube of 24 mm beside the box.
+    const CUBE_M: [Vec3; 2] = [Vec3::new(0.24, 0.24, 0.062), Vec3::splat(0.012)];
+
+    #[test]
+    fn what_is_apart_has_its_share_and_one_thing_alone_changes_nothing() {
+        let (gripper, judge, one) = (Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap(), shipped(), field());
+        let alone = judged(&judge, &one, 0, &search(Spread::Evenly));
+        for spread in [Spread::Shared, Spread::Each] {
+            assert_eq!(judged(&judge, &one, 0, &search(spread)), alone);
+        }
+        let both = field_with(40, &[[MIDDLE_M, HALF_M], CUBE_M]);
+        let at_cube = |grasps: &[Grasp]| {
+            let tips_m = grasps.iter().map(|grasp| grasp.workspace_from_grasp.translation);
+            tips_m.filter(|tips_m| (*tips_m - CUBE_M[0]).length() < 0.05).count()
+        };
+        let space = Space::new(&both, None, both.lattice.corners_m());
+        let (sampler, none) = (CandidateSampler::new(&gripper, 0.05), Default::default());
+        let things = things::Things::new(&space, &none);
+        assert_eq!(things.count(), 2);
+        let shared = things.shared(&space, &none, true, |_| true);
+        let [few, many] = [&none, &shared].map(|wanted| at_cube(&searched(&sampler, &space, wanted, &every, 500)));
+        assert!(few > 0 && 10 * many > 13 * few, "{few} and {many} of 500");
+        // Three eighths of 64 are shared by two.
+        let asked = judged(&judge, &both, 0, &search(Spread::Shared));
+        let on_cube = space.surfaces[0].iter().find(|(at_m, _)| (*at_m - CUBE_M[0]).length() < 0.03).unwrap();
+        let cube = things.at(on_cube.0);
+        assert!(cube.is_some() && asked.iter().filter(|judged| judged.thing == cube).count() >= 12, "{cube:?}");
+    }
+
+    #[test]
+    fn a_previous_grasp_is_asked_about_where_it_is_free() {
+        let (judge, field) = (shipped(), field());
+        let best = judged(&judge, &field, 0, &search(Spread::Shared))[0].grasp;
+        let is_asked = |previous: Grasp| {
+            let search = Search { previous: Some(previous), ..search(Spread::Shared) };
+            judged(&judge, &field, 1, &search).iter().any(|judged| judged.grasp == previous)
+        };
+        assert!(judged(&judge, &field, 1, &search(Spread::Shared)).iter().all(|judged| judged.grasp != best));
+        assert!(is_asked(best));
+        let mut in_the_table = best;
+        in_the_table.workspace_from_grasp.translation.z = 0.0;
+        assert!(!is_asked(in_the_table));
     }
 }

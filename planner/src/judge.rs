@@ -1,6 +1,6 @@
 //! Grasps by a judge: collision-free candidates are proposed, and the judge says how likely each of them holds.
 
-use grasps::{Judge, ObservedScene, ScoredGrasp, Search};
+use grasps::{Judge, ObservedScene, ScoredGrasp, Search, Spread};
 use schema::{Grasp, Grid, Purpose, Stream, Vec3};
 
 use crate::config::{Config, JudgeParams};
@@ -8,6 +8,7 @@ use crate::gripper_volume::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::PlanOptions;
 use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
+use crate::steady::put_first;
 use crate::timing::{Timings, timed};
 use crate::volume::Workspace;
 
@@ -39,6 +40,8 @@ impl Method for Judge {
         let (about_m, centred) = (limiter.about_m(), |grasp: &Grasp| widths.centred(grasp));
         let JudgeParams { proposals, asked, apart_m, .. } = config.judge;
         let asked = asked.unwrap_or(proposals);
+        let spread = if options.each { Spread::Each } else { Spread::Shared };
+        let previous = options.previous.map(|workspace_from_grasp| Grasp { workspace_from_grasp, width_m: 0.0 });
         // Grasps whose tips are nearer to each other than this close on the same thing: it is no wider than the gripper
         // opens.
         let other_m = 0.5 * config.gripper.opening_m_max;
@@ -52,8 +55,16 @@ impl Method for Judge {
                 };
                 candidates.iter().zip(broken).map(|(grasp, broken)| broken.is_none() && is_off(grasp)).collect()
             };
-            let search =
-                Search { proposals, asked, apart_m, about_m: &about_m, are_wanted: &are_wanted, better: &centred };
+            let search = Search {
+                proposals,
+                asked,
+                spread,
+                previous,
+                apart_m,
+                about_m: &about_m,
+                are_wanted: &are_wanted,
+                better: &centred,
+            };
             self.scored_grasps(seen, &search, &mut stream)
         };
         let epsilon = config.detection.quality_min;
@@ -65,7 +76,7 @@ impl Method for Judge {
             let is_enough = off_m.is_empty() || others.0.first().is_some_and(|best| best.quality() >= epsilon);
             if is_enough { others } else { ask(&[]) }
         });
-        selected(&judged, proposed, request)
+        selected(judged, proposed, request)
     }
 
     fn settle(&self, candidates: &mut Candidates, _: &SegmentedCloud, request: &Request<'_>) {
@@ -76,10 +87,15 @@ impl Method for Judge {
 }
 
 /// Of judged grasps, best first, and of so many proposed ones, those that reach ε and are apart from better ones.
-fn selected(scored: &[ScoredGrasp], proposed: usize, request: &Request<'_>) -> Candidates {
+fn selected(mut scored: Vec<ScoredGrasp>, proposed: usize, request: &Request<'_>) -> Candidates {
+    let best = scored.first().map_or(0.0, ScoredGrasp::quality);
+    if let Some(previous) = &request.options.previous {
+        // Before better ones suppress it.
+        put_first(&mut scored, previous, |one| (one.quality(), one.grasp.workspace_from_grasp));
+    }
     let (epsilon, apart_m) = (request.config.detection.quality_min, request.config.judge.apart_m);
     let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&ScoredGrasp>::new(), Vec::new(), 0);
-    for judged in scored {
+    for judged in &scored {
         let pose = towards_wrist(&judged.grasp.workspace_from_grasp, request.options.wrist());
         let grasp =
             RankedGrasp { robustness: judged.robustness, ..RankedGrasp::new(pose, None, judged.quality(), None) };
@@ -103,7 +119,6 @@ fn selected(scored: &[ScoredGrasp], proposed: usize, request: &Request<'_>) -> C
             }
         }
     }
-    let best = scored.first().map_or(0.0, ScoredGrasp::quality);
     let no_numbers = scored.iter().filter(|judged| judged.quality().is_nan()).count();
     let none_reached = if no_numbers > 0 {
         format!("of {} answers of the network {no_numbers} are not numbers: are its weights damaged?", scored.len())

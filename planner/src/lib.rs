@@ -5,7 +5,8 @@
 //! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid for the network and the
 //! surface as points. Candidates come from one of two methods: the detections of a network that answers for every
 //! voxel ([`mod@voxel`]), or what a judge expects of proposed grasps. The points are segmented into table and
-//! objects ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]). [`gripper_volume`] turns the
+//! objects ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]), and each object its grasps
+//! (`objects.rs`). [`gripper_volume`] turns the
 //! grasp towards the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a
 //! [`plan::Plan`], which is printed as JSON.
 //!
@@ -21,6 +22,7 @@ pub mod input;
 mod judge;
 mod limits;
 mod method;
+mod objects;
 mod observation;
 pub mod plan;
 mod planner;
@@ -28,6 +30,7 @@ pub mod rank;
 mod region;
 pub mod segment;
 pub mod serve;
+mod steady;
 mod timing;
 pub mod volume;
 pub mod voxel;

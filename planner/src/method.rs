@@ -65,10 +65,27 @@ impl Request<'_> {
 
     /// Why none of the candidates reaches ε. The limits come second: candidates that keep them were judged.
     pub(crate) fn none_good_enough(&self, quality_best: f32) -> String {
+        let limits = self.beyond_limits("; others are beyond the limits that were asked for: ", "");
+        format!("{}{limits}", self.below(quality_best))
+    }
+
+    /// That the best quality is below ε.
+    fn below(&self, quality_best: f32) -> String {
         // Rounded down, so that 0.8997 does not become 0.9.
         let (best, least) = ((quality_best * 1e3).floor() * 1e-3, self.config.detection.quality_min);
-        let limits = self.beyond_limits("; others are beyond the limits that were asked for: ", "");
-        format!("no grasp has a quality of {least} or more: the best has {best:.3}{limits}")
+        format!("no grasp has a quality of {least} or more: the best has {best:.3}")
+    }
+
+    /// Why an object has no grasps, if this is the best of its candidates.
+    pub(crate) fn none_of_object(&self, best: Option<&DroppedCandidate>) -> String {
+        match best {
+            Some(DroppedCandidate { reason: RejectReason::Quality { .. }, quality, .. }) => self.below(*quality),
+            Some(best) => best.detail.clone(),
+            None if self.limiter.rejections().is_some() => {
+                "no grasp candidate at it keeps the limits that were asked for".to_owned()
+            }
+            None => "no grasp candidate was found at it".to_owned(),
+        }
     }
 
     /// Why none of `count` candidates that reach ε is left.

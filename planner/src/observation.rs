@@ -127,8 +127,13 @@ pub struct PlanOptions {
     pub check_collisions: Option<bool>,
     /// Maximum number of grasps.
     pub grasps_max: Option<usize>,
+    /// Whether the best grasp of each object comes before all others.
+    pub each: bool,
     /// Whether to list dropped candidates with reasons.
     pub explain: bool,
+    /// The best grasp of the last plan, in the frame of `avoid`: of grasps that are about as good as the best one the
+    /// nearest to it comes first.
+    pub previous: Option<Pose>,
     /// Grasps that failed, in the workspace or, where the table is found, in the first camera's frame: none like them
     /// is offered.
     pub avoid: Vec<Pose>,
@@ -142,10 +147,11 @@ impl PlanOptions {
         self.workspace_from_wrist.unwrap_or(WRIST_DOWN)
     }
 
-    /// The options where the table was found: failed grasps and a target's points were given in the first camera's
+    /// The options where the table was found: earlier grasps and a target's points were given in the first camera's
     /// frame, and the base's may be known by it.
     pub(crate) fn seen_from(&self, workspace_from_first: Pose) -> Self {
         let avoid = self.avoid.iter().map(|failed| workspace_from_first * *failed).collect();
+        let previous = self.previous.map(|previous| workspace_from_first * previous);
         let moved = |ball: &Ball| Ball { centre_m: workspace_from_first * ball.centre_m, ..*ball };
         let avoid_objects = self.limits.avoid_objects.iter().map(moved).collect();
         let mut limits = Limits { avoid_objects, ..self.limits.clone() };
@@ -154,7 +160,7 @@ impl PlanOptions {
         }
         let base_from_camera = self.find_table.and_then(|wanted| wanted.base_from_camera);
         let base_from_workspace = base_from_camera.map(|base| base * workspace_from_first.inverse());
-        Self { avoid, limits, base_from_workspace, ..self.clone() }
+        Self { avoid, previous, limits, base_from_workspace, ..self.clone() }
     }
 
     /// The workspace, if the network's is `grid`: its voxels, but as many as its side takes.

@@ -70,17 +70,26 @@ fn pose<'a, S: Serializer>(pose: impl Into<Option<&'a Pose>>, serializer: S) -> 
 }
 
 /// A cluster of the surface cloud. Objects are numbered from the top: the one with the highest centroid is 0.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ObjectCluster {
     /// Mean of its points in the workspace, in metres.
     #[serde(serialize_with = "coordinates")]
     pub centroid_m: Vec3,
+    /// The same in the robot's base frame; null if `base_from_workspace` is not known.
+    #[serde(serialize_with = "coordinates")]
+    pub base_centroid_m: Option<Vec3>,
     /// Number of its points.
     pub point_count: usize,
+    /// Number of its grasps in the plan.
+    pub grasp_count: usize,
+    /// The best quality of these; null if there are none.
+    pub quality_best: Option<f32>,
+    /// Why there are none; null if there are.
+    pub reason: Option<String>,
 }
 
-fn coordinates<S: Serializer>(point: &Vec3, serializer: S) -> Result<S::Ok, S::Error> {
-    point.to_array().serialize(serializer)
+fn coordinates<'a, S: Serializer>(point: impl Into<Option<&'a Vec3>>, serializer: S) -> Result<S::Ok, S::Error> {
+    point.into().map(|point| point.to_array()).serialize(serializer)
 }
 
 /// The segment of a point.

@@ -15,10 +15,12 @@ use crate::gripper_volume::GripperVolume;
 use crate::input::{InputError, read_file};
 use crate::limits::{Limiter, Walls, WillDo, near_points, object_points, seen_points};
 use crate::method::{Candidates, Method, Request, Stage};
+use crate::objects::{each_first, tell};
 use crate::observation::{Observation, PlanOptions, Target};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, SegmentedCloud};
 use crate::rank;
 use crate::segment::{Segments, segment};
+use crate::steady::put_first;
 use crate::timing::{Timings, timed};
 use crate::volume::fuse;
 use crate::voxel::VoxelMethod;
@@ -232,7 +234,13 @@ impl Planner {
         Ok(plan)
     }
 
-    fn rank(&self, mut candidates: Candidates, (cloud, objects): Segments, seen: Seen, request: &Request<'_>) -> Plan {
+    fn rank(
+        &self,
+        mut candidates: Candidates,
+        (cloud, mut objects): Segments,
+        seen: Seen,
+        request: &Request<'_>,
+    ) -> Plan {
         let options = request.options;
         self.method.settle(&mut candidates, &cloud, request);
         let (collision, found) = (&self.config.collision, candidates.grasps.len());
@@ -249,6 +257,12 @@ impl Planner {
         let Candidates { mut grasps, mut dropped, mut stages } = candidates;
         request.widths.measure(&mut grasps);
         rank::order(&mut grasps, policy, Stream::new(self.config.seed, seen.scene, Purpose::Ranking, 0));
+        if let Some(previous) = &options.previous {
+            put_first(&mut grasps, previous, |ranked| (ranked.quality, ranked.workspace_from_grasp));
+        }
+        if options.each {
+            each_first(&mut grasps);
+        }
         let beyond = grasps.split_off(grasps.len().min(options.grasps_max.unwrap_or(usize::MAX)));
         dropped.extend(beyond.iter().map(|ranked| DroppedCandidate::new(ranked, RejectReason::BeyondLimit)));
         for (place, ranked) in grasps.iter_mut().enumerate() {
@@ -263,6 +277,7 @@ impl Planner {
         }
         stages.push(Stage::new("ranked", grasps.len(), "no grasps were asked for"));
         dropped.sort_by(|a, b| b.quality.total_cmp(&a.quality));
+        tell(&mut objects, &grasps, &dropped, &cloud, request);
         let mut plan = Plan {
             format: FORMAT,
             model: self.model_id.clone(),

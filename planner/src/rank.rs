@@ -83,7 +83,7 @@ mod tests {
             labels: [0, 0, 1, 1].map(PointLabel::Object).into_iter().chain([PointLabel::Plane]).collect(),
             plane: None,
         };
-        let object = |centroid_m| ObjectCluster { centroid_m, point_count: 2 };
+        let object = |centroid_m| ObjectCluster { centroid_m, point_count: 2, ..Default::default() };
         (cloud, vec![object(Vec3::new(0.2, 0.1, 0.12)), object(Vec3::new(0.1, 0.1, 0.07))])
     }
 

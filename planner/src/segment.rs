@@ -33,7 +33,7 @@ pub fn segment(points_m: Vec<Vec3>, config: &Config) -> Segments {
 /// The clusters as objects from the top, and each cluster's index among them.
 fn top_down(points_m: &[Vec3], found: &[Option<usize>]) -> (Vec<ObjectCluster>, Vec<usize>) {
     let count = found.iter().flatten().max().map_or(0, |last| last + 1);
-    let mut objects = vec![ObjectCluster { centroid_m: Vec3::ZERO, point_count: 0 }; count];
+    let mut objects = vec![ObjectCluster::default(); count];
     for (point, cluster) in points_m.iter().zip(found) {
         if let Some(cluster) = cluster {
             let object = &mut objects[*cluster];

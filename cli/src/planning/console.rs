@@ -25,6 +25,12 @@ pub(crate) fn summary(plan: &Plan) -> String {
             text += &format!("and {} more\n", plan.grasps.len() - GRASPS_SHOWN);
         }
     }
+    for (number, object) in plan.objects.iter().enumerate() {
+        let at = object.centroid_m * 1e3;
+        if let Some(reason) = &object.reason {
+            text += &format!("object {number} at {:.0}, {:.0}, {:.0} mm: {reason}\n", at.x, at.y, at.z);
+        }
+    }
     let times: Vec<String> = plan.timings_ms.iter().map(|(stage, ms)| format!("{stage} {ms:.1}")).collect();
     text + &format!("ms: {}\n", times.join(", "))
 }

@@ -91,6 +91,15 @@ pub(crate) struct Arguments {
     #[arg(long)]
     check_collisions: bool,
 
+    /// The best grasp of each object first, then the others
+    #[arg(long)]
+    each: bool,
+
+    /// The best grasp of the last plan, in the frame of --avoid: of grasps about as good as the best, the nearest to it
+    /// comes first
+    #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
+    previous: Option<[f64; 7]>,
+
     /// Report why candidates were dropped
     #[arg(long)]
     explain: bool,
@@ -238,6 +247,8 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     set(&mut input.policy, arguments.policy);
     set(&mut input.grasps_max, arguments.grasps.map(|count| count as usize));
     set(&mut input.check_collisions, arguments.check_collisions.then_some(true));
+    set(&mut input.each, arguments.each.then_some(true));
+    set(&mut input.previous, arguments.previous.map(pose));
     set(&mut input.explain, arguments.explain.then_some(true));
     set(&mut input.workspace_size_m, arguments.workspace_size);
     set(&mut input.base_from_workspace, arguments.base_from_workspace.map(pose));
@@ -300,7 +311,7 @@ Instead of intrinsics for all, each view may have its own. A pose may be a matri
 a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base. With
 workspace_from_camera = \"table\" in the first view the table is found, other views have first_from_camera, and base_from_camera
 beside the views is the first camera's pose in the base's frame.
-tsdf or cloud (with eyes_m) may stand in place of views. The options config, policy, grasps_max, check_collisions, explain, avoid,
+tsdf or cloud (with eyes_m) may stand in place of views. The options config, policy, grasps_max, check_collisions, each, previous, explain, avoid,
 workspace_from_wrist, workspace_size_m, avoid_objects, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";
 
 const EXAMPLES: &str = "\

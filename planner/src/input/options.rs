@@ -54,6 +54,7 @@ pub(crate) fn options(input: &RequestInput, finds_table: bool) -> Result<PlanOpt
     }
     let limits = limits(input)?;
     let down = input.down.map(|down| direction(down, "down")).transpose()?;
+    let previous = input.previous.as_ref().map(|input| pose(input, "previous"));
     let failed = |(number, input): (usize, &PoseInput)| pose(input, &format!("avoid[{number}]"));
     Ok(PlanOptions {
         workspace_size_m,
@@ -63,7 +64,9 @@ pub(crate) fn options(input: &RequestInput, finds_table: bool) -> Result<PlanOpt
         policy: input.policy,
         check_collisions: input.check_collisions,
         grasps_max: input.grasps_max,
+        each: input.each.unwrap_or(false),
         explain: input.explain.unwrap_or(false),
+        previous: previous.transpose()?,
         avoid: avoid.iter().enumerate().map(failed).collect::<Result<_, _>>()?,
         limits,
     })

@@ -1,0 +1,208 @@
+//! What was seen apart from each other: the connected parts of a surface, each of which gets its share of candidates.
+
+use std::collections::BTreeMap;
+use std::iter::repeat_n;
+
+use schema::Vec3;
+
+use crate::space::Space;
+
+/// Side of the cubes into which points are sorted: those in cubes that touch are of one thing. Things are apart if there
+/// are two sides between them, and one thing where there is none.
+const CUBE_M: f32 = 0.006;
+/// Most cubes along a side: wide clouds get wider cubes.
+const SIDE_MAX: f32 = 200.0;
+/// A thing has at least this many points, 5 mm from each other. What has fewer is noise, or too little to be held.
+const POINTS_MIN: usize = 20;
+/// What is longer than so many cubes are things that touch: each square of about so many cubes counts as one of them.
+const LONG: usize = 42;
+const SQUARE: usize = 14;
+/// Points of the smallest things are drawn so many times as often as without shares.
+const TIMES_MAX: usize = 16;
+
+/// A cube with points of no thing yet, and one that is about to get its thing.
+const OPEN: u32 = u32::MAX;
+const TAKEN: u32 = u32::MAX - 1;
+
+/// The things of a scene; none if fewer than two are apart.
+#[derive(Debug, Default)]
+pub(crate) struct Things {
+    low_m: Vec3,
+    per_m: f32,
+    counts: [usize; 3],
+    /// Of each cube 0 where no point is, else a number into `numbers`, plus 1.
+    of_cube: Vec<u32>,
+    /// The thing of each part, if it is large enough.
+    numbers: Vec<Option<usize>>,
+    /// How many times as often a point of each thing is drawn.
+    times: Vec<usize>,
+}
+
+impl Things {
+    /// Those among the `wanted` points of the surfaces, or all of them where there are none.
+    pub(crate) fn new(space: &Space<'_>, wanted: &[Vec<usize>; 2]) -> Self {
+        let points_m: Vec<Vec3> = match &wanted[0][..] {
+            [] => space.surfaces[0].iter().map(|(at_m, _)| *at_m).collect(),
+            wanted => wanted.iter().map(|number| space.surfaces[0][*number].0).collect(),
+        };
+        let things = Self::of_points(&points_m);
+        if things.count() > 1 { things } else { Self::default() }
+    }
+
+    fn of_points(points_m: &[Vec3]) -> Self {
+        let low_m = points_m.iter().fold(Vec3::INFINITY, |low, at_m| low.min(*at_m));
+        let high_m = points_m.iter().fold(Vec3::NEG_INFINITY, |high, at_m| high.max(*at_m));
+        let extent_m = (high_m - low_m).max(Vec3::ZERO);
+        let per_m = 1.0 / CUBE_M.max(extent_m.max_element() / SIDE_MAX);
+        // One more on each side, so that each cube with points has all its neighbours.
+        let counts = (extent_m * per_m).to_array().map(|along| along as usize + 3);
+        let mut of_cube = vec![0; counts.iter().product()];
+        let mut things = Self { low_m, per_m, counts, ..Self::default() };
+        let cubes: Vec<usize> = points_m.iter().filter_map(|at_m| things.cube(*at_m)).collect();
+        cubes.iter().for_each(|cube| of_cube[*cube] = OPEN);
+        let mut sizes: Vec<usize> = Vec::new();
+        for cube in &cubes {
+            if of_cube[*cube] == OPEN {
+                let part = things.part(*cube, &mut of_cube);
+                sizes.resize(things.divide(&part, sizes.len(), &mut of_cube), 0);
+            }
+            sizes[of_cube[*cube] as usize - 1] += 1;
+        }
+        let mut next = 0..sizes.len();
+        things.numbers = sizes.iter().map(|size| if *size >= POINTS_MIN { next.next() } else { None }).collect();
+        sizes.retain(|size| *size >= POINTS_MIN);
+        // One half of the draws by area, the other half the same for each thing.
+        let even = points_m.len() as f32 / sizes.len().max(1) as f32;
+        things.times = sizes.iter().map(|size| ((1.0 + even / *size as f32).round() as usize).min(TIMES_MAX)).collect();
+        things.of_cube = of_cube;
+        things
+    }
+
+    /// The cube of a point; `None` beyond all points.
+    fn cube(&self, at_m: Vec3) -> Option<usize> {
+        let at = ((at_m - self.low_m) * self.per_m).to_array();
+        let [i, j, k] = [0, 1, 2].map(|axis| at[axis] as usize + 1);
+        let is_inside = (0..3).all(|axis| at[axis] >= 0.0 && (at[axis] as usize) < self.counts[axis].saturating_sub(2));
+        is_inside.then_some((i * self.counts[1] + j) * self.counts[2] + k)
+    }
+
+    /// The cubes with points that are connected with one of them.
+    fn part(&self, first: usize, of_cube: &mut [u32]) -> Vec<usize> {
+        let [_, wide, high] = self.counts;
+        let (mut part, mut done) = (vec![first], 0);
+        of_cube[first] = TAKEN;
+        while let Some(cube) = part.get(done).copied() {
+            done += 1;
+            let corner = cube - (wide * high + high + 1);
+            for near in (0..27).map(|number| corner + number / 9 * wide * high + number / 3 % 3 * high + number % 3) {
+                if of_cube[near] == OPEN {
+                    of_cube[near] = TAKEN;
+                    part.push(near);
+                }
+            }
+        }
+        part
+    }
+
+    /// Numbers a part, or its squares if it is long, after `count` others; how many there are then.
+    fn divide(&self, part: &[usize], count: usize, of_cube: &mut [u32]) -> usize {
+        let [_, wide, high] = self.counts;
+        let along = |cube: usize| [cube / (wide * high), cube / high % wide];
+        // Where it begins, how long it is, and how many squares it has.
+        let ends = [0, 1].map(|axis| {
+            let each = part.iter().map(|cube| along(*cube)[axis]);
+            let [low, high] = each.fold([usize::MAX, 0], |[low, high], at| [low.min(at), high.max(at)]);
+            [low, high + 1 - low]
+        });
+        let is_long = ends.iter().any(|[_, length]| *length > LONG);
+        let squares_along = |length: usize| if is_long { (length + SQUARE / 2) / SQUARE } else { 1 };
+        let mut squares = BTreeMap::new();
+        for cube in part {
+            let at = along(*cube);
+            let square = [0, 1].map(|axis| {
+                let [low, length] = ends[axis];
+                (at[axis] - low) * squares_along(length).max(1) / length
+            });
+            let next = (count + squares.len() + 1) as u32;
+            of_cube[*cube] = *squares.entry(square).or_insert(next);
+        }
+        count + squares.len()
+    }
+
+    /// How many there are; none if fewer than two are apart.
+    pub(crate) fn count(&self) -> usize {
+        self.times.len()
+    }
+
+    /// The thing at a point of the surface.
+    pub(crate) fn at(&self, at_m: Vec3) -> Option<usize> {
+        let part = self.of_cube.get(self.cube(at_m)?)?.checked_sub(1)?;
+        self.numbers[part as usize]
+    }
+
+    /// Of the `wanted` points of the surfaces those of things that are meant, each as many times as its thing's share
+    /// says, and of no thing if `others` are meant, too; what is wanted itself where there are no things.
+    pub(crate) fn shared(
+        &self,
+        space: &Space<'_>,
+        wanted: &[Vec<usize>; 2],
+        others: bool,
+        is_meant: impl Fn(usize) -> bool,
+    ) -> [Vec<usize>; 2] {
+        if self.count() == 0 {
+            return wanted.clone();
+        }
+        [0, 1].map(|surface| {
+            let all: Vec<usize> = (0..space.surfaces[surface].len()).collect();
+            let points = if wanted[surface].is_empty() { &all } else { &wanted[surface] };
+            let times = |number: &usize| match self.at(space.surfaces[surface][*number].0) {
+                Some(thing) => {
+                    if is_meant(thing) {
+                        self.times[thing]
+                    } else {
+                        0
+                    }
+                }
+                None => usize::from(others),
+            };
+            points.iter().flat_map(|number| repeat_n(*number, times(number))).collect()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points on a lattice of 5 mm in a rectangle.
+    fn plate(low_m: Vec3, wide: u8, deep: u8) -> Vec<Vec3> {
+        let at = |n: u16| Vec3::new(f32::from(n % u16::from(wide)), f32::from(n / u16::from(wide)), 0.0) * 0.005;
+        (0..u16::from(wide) * u16::from(deep)).map(|n| low_m + at(n)).collect()
+    }
+
+    #[test]
+    fn things_are_apart_where_a_gap_is_between_them() {
+        let (large, small) = (plate(Vec3::ZERO, 20, 20), plate(Vec3::new(0.12, 0.0, 0.0), 5, 5));
+        let noise = plate(Vec3::new(0.2, 0.1, 0.1), 3, 3);
+        let all = [large.clone(), small.clone(), noise.clone()].concat();
+        let things = Things::of_points(&all);
+        assert_eq!(things.count(), 2, "noise is no thing");
+        assert!(large.iter().all(|at_m| things.at(*at_m) == Some(0)));
+        assert!(small.iter().all(|at_m| things.at(*at_m) == Some(1)));
+        assert!(noise.iter().all(|at_m| things.at(*at_m).is_none()));
+        assert_eq!([Vec3::splat(-1.0), Vec3::splat(9.0)].map(|at_m| things.at(at_m)), [None; 2], "beyond all points");
+        // 434 points, 217 for each: half by area, half the same for each.
+        assert_eq!(things.times, [2, 10]);
+        // Nearer than a cube's side they are one.
+        let near = plate(Vec3::new(0.1, 0.0, 0.0), 5, 5);
+        assert_eq!(Things::of_points(&[large, near].concat()).count(), 1);
+        assert_eq!(Things::of_points(&[]).count(), 0);
+    }
+
+    #[test]
+    fn what_is_long_counts_as_several_things_and_what_is_not_as_one() {
+        assert_eq!(Things::of_points(&plate(Vec3::ZERO, 48, 20)).count(), 1, "0.24 m");
+        // 0.3 m by 0.2 m: four squares along it, two across it.
+        assert_eq!(Things::of_points(&plate(Vec3::ZERO, 61, 41)).count(), 8);
+    }
+}
