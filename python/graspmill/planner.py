@@ -32,7 +32,9 @@ class PlanOptions(TypedDict, total=False):
         policy: How grasps are ranked.
         check_collisions: Whether grasps are dropped if the gripper would hit the cloud on its way.
         grasps_max: The largest number of grasps, 1 to 10000.
+        each: Whether the best grasp of each object comes first, then the others. ``answer["objects"]`` says which have none, and why.
         explain: Whether ``answer`` has the dropped candidates, with reasons.
+        previous: The best grasp of the last plan, as in ``avoid``: of grasps about as good as the best the nearest to it comes first.
         avoid: Poses ``[N, 4, 4]`` or ``[N, 7]`` of grasps that failed.
         avoid_objects: ``[N, 4]``: points and radii where no tips may be; as ``avoid`` in the first camera's frame if the table is found.
         target_m: ``[3]``: only the object at this point is grasped.
@@ -55,7 +57,9 @@ class PlanOptions(TypedDict, total=False):
     policy: Literal["paper", "vgn-random", "vgn-best"] | None
     check_collisions: bool | None
     grasps_max: int | None
+    each: bool
     explain: bool
+    previous: ArrayLike | None
     avoid: ArrayLike | None
     avoid_objects: ArrayLike | None
     target_m: ArrayLike | None
@@ -222,7 +226,7 @@ _SHAPES = {"down": (3,), "target_m": (3,), "workspace_from_wrist": (4,), "avoid_
 
 def _encoded(name: str, value: Any) -> Any:
     """An option as a request has it. Only what is no such option in JSON is refused here."""
-    if name in ("base_from_camera", "base_from_workspace"):
+    if name in ("base_from_camera", "base_from_workspace", "previous"):
         return _parts(_arrays.pose(name, value))
     if name == "avoid":
         return [_parts(pose) for pose in _arrays.poses(name, value).tolist()]
@@ -236,7 +240,7 @@ def _encoded(name: str, value: Any) -> Any:
         if name == "reach":
             return dict(zip(("low_m", "high_m"), numbers))
         return {"quaternion_xyzw": numbers} if name == "workspace_from_wrist" else numbers
-    if name in ("check_collisions", "explain"):
+    if name in ("check_collisions", "each", "explain"):
         return _arrays.flag(name, value)
     if name == "policy":
         return _arrays.text(name, value)

@@ -26,7 +26,7 @@ camera = graspmill.Camera.from_K(np.array([[540.0, 0.0, 320.0], [0.0, 540.0, 240
 planner = Planner("judge", gripper=Gripper.load("franka_hand"))
 plan: Plan = planner.plan(
     np.zeros((480, 640)), camera, workspace_size_m=0.3, base_from_workspace=(0.0, 0.0, 0.0), workspace_from_wrist=(0.0, 0.0, 0.0, 1.0),
-    policy="paper", check_collisions=True, grasps_max=5, explain=True, avoid=np.empty((0, 7)), avoid_objects=[(0.1, 0.1, 0.1, 0.05)], target_m=(0.1, 0.1, 0.1),
+    policy="paper", check_collisions=True, grasps_max=5, each=True, explain=True, previous=np.eye(4), avoid=np.empty((0, 7)), avoid_objects=[(0.1, 0.1, 0.1, 0.05)], target_m=(0.1, 0.1, 0.1),
     approach=((0.0, 0.0, -1.0), 0.5), keep_out=[[0.0, 1.0, 0.0, 0.05]], reach=[[0.0, 0.0, 0.0], [0.3, 0.3, 0.3]], accept=reachable,
     accept_batch=lambda poses: poses[:, 2, 3] > 0.06)
 options: PlanOptions = {"grasps_max": 3}

@@ -30,7 +30,8 @@ anything = flat | st.lists(flat, max_size=4) | st.tuples(flat, flat) | st.dictio
 
 OPTIONS = {
     "workspace_size_m": 0.3, "base_from_workspace": np.eye(4), "workspace_from_wrist": DOWN, "policy": "paper", "check_collisions": True,
-    "grasps_max": 3, "explain": True, "avoid": DOWN, "avoid_objects": [[0.1, 0.1, 0.1, 0.03]], "target_m": (0.15, 0.15, 0.08), "approach": ((0, 0, -1), 0.5),
+    "grasps_max": 3, "each": True, "explain": True, "previous": DOWN,
+    "avoid": DOWN, "avoid_objects": [[0.1, 0.1, 0.1, 0.03]], "target_m": (0.15, 0.15, 0.08), "approach": ((0, 0, -1), 0.5),
     "keep_out": [[0, 0, 1, 0.04]], "reach": [[0, 0, 0], [0.3, 0.3, 0.3]], "accept": None, "accept_batch": None,
 }  # fmt: skip
 #: Where the table is found, its place in the base is known by the camera's.

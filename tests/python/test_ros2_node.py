@@ -383,6 +383,7 @@ def test_a_mask_goes_with_its_image(start):
     np.testing.assert_array_equal(robot.views[0].mask, mask != 0)
     data = base64.b64decode(planning.request(robot.views[0])["views"][0]["mask"]["data"])
     np.testing.assert_array_equal(np.load(io.BytesIO(data)), mask != 0)
+    assert planning.request(robot.views[0], each=True)["each"] is True and "each" not in planning.request(robot.views[0])
 
 
 # The planner

@@ -81,6 +81,21 @@ fn flags_count_more_than_the_file() {
 }
 
 #[test]
+fn each_object_comes_first_once_and_the_summary_says_which_have_no_grasp() {
+    let answer = plan(&["--demo", "--each"]);
+    let objects = answer["objects"].as_array().unwrap();
+    let held = objects.iter().filter(|object| object["grasp_count"] != 0).count();
+    let firsts: std::collections::BTreeSet<_> =
+        answer["grasps"].as_array().unwrap().iter().take(held).map(|grasp| grasp["object"].as_u64()).collect();
+    assert!(held > 1 && firsts.len() == held, "{answer}");
+    let all = run(&["plan", "--demo", "--keep-out", "0,0,1,9"]);
+    let summary = String::from_utf8(all.stdout).unwrap();
+    let told = summary.matches(" mm: no grasp candidate at it keeps the limits that were asked for").count();
+    assert_eq!(told, objects.len(), "{summary}");
+    refused(&["--demo", "--previous", "0,0,0,0,0,0,2"], 78, "previous");
+}
+
+#[test]
 fn a_tsdf_and_a_cloud_are_planned_on() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

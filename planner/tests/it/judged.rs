@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use planner::gripper_volume::WRIST_DOWN;
 use planner::plan::{Plan, RejectReason};
 use planner::{
     BuiltIn, Cone, Config, Limits, Observation, PlanOptions, Planner, Planners, Policy, Target, demo, input,
@@ -111,6 +112,58 @@ fn grasps_that_failed_are_not_offered_again() {
     assert!(failed.len() > plan(&[]).grasps.len(), "avoided grasps suppress none: {}", failed.len());
     assert!(last.reason.is_some() && last.funnel.count("found") == Some(0));
     assert!(last.dropped.iter().any(|dropped| dropped.reason == RejectReason::Avoided && dropped.why == "avoided"));
+    assert!(last.objects.iter().all(|object| object.grasp_count == 0 && object.reason.is_some()));
+    assert!(last.objects.iter().any(|object| object.reason.as_deref() == Some("like a grasp that failed")));
+}
+
+#[test]
+fn each_object_is_told_its_grasps_and_its_best_one_comes_first() {
+    let planner = judge(config());
+    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
+    let base_from_workspace = Pose::from_parts(Vec3::new(0.4, -0.1, 0.2), WRIST_DOWN);
+    for each in [false, true] {
+        let options = PlanOptions { each, base_from_workspace: Some(base_from_workspace), ..PlanOptions::default() };
+        let plan = planner.plan(&observation, &options).unwrap();
+        for (number, object) in plan.objects.iter().enumerate() {
+            let own = plan.grasps.iter().filter(|ranked| ranked.object == Some(number));
+            let qualities: Vec<f32> = own.map(|ranked| ranked.quality).collect();
+            assert_eq!(object.grasp_count, qualities.len());
+            assert_eq!(object.quality_best, qualities.iter().copied().reduce(f32::max));
+            assert_eq!(object.reason.is_some(), qualities.is_empty(), "{object:?}");
+            assert_eq!(object.base_centroid_m, Some(base_from_workspace * object.centroid_m));
+        }
+        let held = plan.objects.iter().filter(|object| object.grasp_count > 0).count();
+        let firsts: std::collections::BTreeSet<_> =
+            plan.grasps.iter().take(held).filter_map(|ranked| ranked.object).collect();
+        assert!(held > 1 && plan.grasps.len() > held, "{:?}", plan.objects);
+        assert!(!each || firsts.len() == held, "{firsts:?} of {held}");
+        assert_eq!(
+            plan.grasps.iter().map(|ranked| ranked.rank).collect::<Vec<_>>(),
+            (1..=plan.grasps.len()).collect::<Vec<_>>()
+        );
+    }
+}
+
+#[test]
+fn a_previous_grasp_that_is_as_good_as_the_best_comes_first() {
+    let planner = judge(config());
+    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
+    let plan = |previous: Option<Pose>| {
+        let options = PlanOptions { previous, ..PlanOptions::default() };
+        planner.plan(&observation, &options).unwrap().grasps
+    };
+    let first = plan(None);
+    let (best, far_m) = (&first[0], |one: &planner::plan::RankedGrasp| {
+        (one.workspace_from_grasp.translation - first[0].workspace_from_grasp.translation).length()
+    });
+    let another = first.iter().rfind(|one| one.quality > best.quality - 0.01 && far_m(one) > 0.02).unwrap();
+    let again = &plan(Some(another.workspace_from_grasp))[0];
+    assert!(schema::are_alike(&again.workspace_from_grasp, &another.workspace_from_grasp, 0.01, 0.26), "{again:?}");
+    // The best stays the best, and a place where nothing is changes little.
+    let again = &plan(Some(best.workspace_from_grasp))[0];
+    assert!(schema::are_alike(&again.workspace_from_grasp, &best.workspace_from_grasp, 0.01, 0.26), "{again:?}");
+    let nowhere = Pose::from_parts(Vec3::new(0.15, 0.15, 0.4), WRIST_DOWN);
+    assert!(plan(Some(nowhere))[0].quality > best.quality - 0.06);
 }
 
 /// Few proposals or many, a limit that none, some or all grasps keep, an object that is or is not there, grasps

@@ -34,6 +34,7 @@ class Settings:
     crop_px: tuple[int, ...] = (0, 0, 0, 0)
     region_m: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     grasps_max: int = 20
+    each: bool = False
     rate_hz: float = 0.0
     depth_unit_m: float = 0.001
     image_age_s_max: float = 1.0
@@ -108,9 +109,9 @@ def _file(array: NDArray[Any]) -> dict[str, str]:
     return {"data": base64.b64encode(npy.getvalue()).decode()}
 
 
-def request(view: View) -> dict[str, Any]:
+def request(view: View, each: bool = False) -> dict[str, Any]:
     """The body of ``POST /v1/plan``; the table is found."""
-    asked: dict[str, Any] = {}
+    asked: dict[str, Any] = {"each": True} if each else {}
     if view.depth_m is None:
         asked |= {"cloud": _file(np.asarray(view.points_m)), "workspace_from_cloud": "table"}
     else:
@@ -128,7 +129,7 @@ def service(settings: Settings) -> Callable[[View], Answer]:
     url = settings.url.rstrip("/").removesuffix("/v1/plan") + "/v1/plan"
 
     def plan(view: View) -> Answer:
-        body = json.dumps(request(view)).encode()
+        body = json.dumps(request(view, settings.each)).encode()
         asked = urllib.request.Request(url, body, {"Content-Type": "application/json"})
         try:
             with urllib.request.urlopen(asked, timeout=settings.answer_wait_s) as reply:
@@ -168,15 +169,16 @@ def in_process(settings: Settings) -> Callable[[View], Answer]:
         raise RefusedError(f"the planner cannot be made: {error}") from error
 
     def plan(view: View) -> Answer:
+        options: dict[str, Any] = {"each": settings.each, "base_from_camera": view.base_from_camera}
         try:
             if view.depth_m is None:
                 points = np.asarray(view.points_m)
-                made = planner.plan_cloud(points, workspace_from_cloud="table", base_from_camera=view.base_from_camera)
+                made = planner.plan_cloud(points, workspace_from_cloud="table", **options)
             else:
                 height, width = view.depth_m.shape
                 fx, fy, cx, cy = view.intrinsics or []
                 camera = graspmill.Camera(width, height, fx, fy, cx, cy)
-                made = planner.plan(view.depth_m, camera, mask=view.mask, base_from_camera=view.base_from_camera)
+                made = planner.plan(view.depth_m, camera, mask=view.mask, **options)
         except graspmill.GraspmillError as error:
             raise RefusedError(f"no plan: {error}") from error
         return dict(made.answer)
