@@ -1,5 +1,7 @@
 //! The judge decides: grasp candidates are proposed on what was seen, and the network says how each attempt would end.
 
+use std::collections::BTreeSet;
+
 use network::checkpoint::Checkpoint;
 use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, Screen, probabilities, robustness};
 use program::Failure;
@@ -7,7 +9,7 @@ use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Pose, Stream, Vec3};
 
 use crate::things::Things;
-use crate::{CandidateSampler, ObservedScene, Search, Space, Spread, kept};
+use crate::{CandidateSampler, ObservedScene, Search, Space, Spread, TRIES_MAX, kept};
 
 /// Candidates that one thread judges together.
 const TOGETHER: usize = 8;
@@ -16,8 +18,16 @@ const SCREENED: usize = 32;
 /// One of so many candidates that are chosen has its tips further than this from all that were chosen before.
 const APART: usize = 8;
 const SPREAD_M: f32 = 0.03;
-/// Of so many candidates that are chosen so many are shared among the things, if there are several.
-const SHARED: [usize; 2] = [3, 8];
+/// If there are several things, one of so many candidates that are chosen is shared among them, and the judge is first
+/// asked about fewer: one of so many is kept back.
+const SHARED: usize = 2;
+const KEPT_BACK: usize = 4;
+/// For each thing without a sure grasp so many more are proposed and asked about, in all up to half of what all were;
+/// twice that where each thing counts.
+const PROPOSED_MORE: usize = 64;
+const ASKED_MORE: usize = 8;
+/// So many are drawn at most for each of these: of some things no candidate is free.
+const TRIES_MORE_MAX: usize = 8;
 
 /// Where no candidate holds with more than this probability, more are proposed: at the second and the third time so
 /// many times as many, and the judge is asked about so many times as many.
@@ -127,9 +137,10 @@ impl Judge {
         let previous = self.previous(&seen, search);
         let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), usize::from(previous.is_some()));
         let mut wanted = seen.things.shared(&seen.space, &about, true, |_| true);
+        let asked_first = if seen.things.count() > 0 { asked - asked / KEPT_BACK } else { asked };
         for [more, more_asked] in SEARCHES {
-            let search = Search { proposals: more * proposals, asked: more_asked * asked, ..*search };
-            let (found, count) = self.found(&seen, &wanted, &search, stream);
+            let search = Search { proposals: more * proposals, asked: more_asked * asked_first, ..*search };
+            let (found, count) = self.found(&seen, &wanted, &search, TRIES_MAX, stream);
             judged.extend(found);
             proposed += count;
             if count == 0 || judged.iter().chain(&previous).any(|judged| judged.quality() > SURE) {
@@ -137,15 +148,11 @@ impl Judge {
             }
             wanted = seen.space.near(&hopeful_m(&judged), NEAR_M);
         }
-        if spread == Spread::Each {
-            let is_sure = |thing| judged.iter().any(|one| one.thing == Some(thing) && one.quality() > SURE);
-            let lacking = seen.things.shared(&seen.space, &about, false, |thing| !is_sure(thing));
-            if seen.things.count() > 0 && !lacking[0].is_empty() {
-                let (found, count) = self.found(&seen, &lacking, search, stream);
-                judged.extend(found);
-                proposed += count;
-            }
-        }
+        let is_sure = |thing| judged.iter().any(|one| one.thing == Some(thing) && one.quality() > SURE);
+        let lacking: Vec<bool> = (0..seen.things.count()).map(|thing| !is_sure(thing)).collect();
+        let (found, count) = self.found_of(&lacking, &seen, &about, search, stream);
+        judged.extend(found);
+        proposed += count;
         let (mut best, rest) = leaders(sorted(judged), apart_m, spread);
         best.extend(previous);
         self.move_where_better(&seen, &mut best, search);
@@ -155,15 +162,18 @@ impl Judge {
         (all, proposed)
     }
 
-    /// Candidates of one search about which the judge was asked, and the number of those that were proposed.
+    /// Candidates of one search about which the judge was asked, and the number of those that were proposed. So many are
+    /// drawn at most for each.
     fn found(
         &self,
         seen: &Seen<'_>,
         wanted: &[Vec<usize>; 2],
         search: &Search<'_>,
+        tries_max: usize,
         stream: &mut Stream,
     ) -> (Vec<ScoredGrasp>, usize) {
-        let candidates = self.sampler.search(&seen.space, wanted, search.are_wanted, search.proposals, stream);
+        let counts = [search.proposals, search.proposals * tries_max];
+        let candidates = self.sampler.search(&seen.space, wanted, search.are_wanted, counts, stream);
         let proposed = candidates.len();
         let chosen = self.likeliest(seen, candidates, search.asked);
         let grasps: Vec<Grasp> = chosen.iter().map(|(_, grasp)| *grasp).collect();
@@ -171,6 +181,26 @@ impl Judge {
         let of_thing =
             |((at_m, _), judged): (&(Vec3, Grasp), ScoredGrasp)| ScoredGrasp { thing: seen.things.at(*at_m), ..judged };
         (chosen.iter().zip(judged).map(of_thing).collect(), proposed)
+    }
+
+    /// More candidates of those things that lack a sure grasp.
+    fn found_of(
+        &self,
+        lacking: &[bool],
+        seen: &Seen<'_>,
+        about: &[Vec<usize>; 2],
+        search: &Search<'_>,
+        stream: &mut Stream,
+    ) -> (Vec<ScoredGrasp>, usize) {
+        let count = lacking.iter().filter(|is_lacking| **is_lacking).count();
+        if count == 0 {
+            return (Vec::new(), 0);
+        }
+        let wanted = seen.things.shared(&seen.space, about, false, |thing| lacking[thing]);
+        let times = if search.spread == Spread::Each { 2 } else { 1 };
+        let proposals = times * (PROPOSED_MORE * count).min(search.proposals / 2);
+        let asked = times * (ASKED_MORE * count).min(search.asked / 2);
+        self.found(seen, &wanted, &Search { proposals, asked, ..*search }, TRIES_MORE_MAX, stream)
     }
 
     /// What the judge says of the grasp of an earlier search where it is free and wanted, or a little before it.
@@ -242,8 +272,9 @@ impl Judge {
         let logits = candidates.par_chunks(SCREENED).map(logits).collect::<Vec<_>>().concat();
         let mut order: Vec<usize> = (0..candidates.len()).collect();
         order.sort_by(|a, b| logits[*b].total_cmp(&logits[*a]));
-        let (count, apart) = (seen.things.count(), asked / APART);
-        let shared = if count > 0 { asked * SHARED[0] / SHARED[1] } else { 0 };
+        let things: Vec<Option<usize>> = candidates.iter().map(|(at_m, _)| seen.things.at(*at_m)).collect();
+        let count = things.iter().flatten().collect::<BTreeSet<_>>().len();
+        let (shared, apart) = (if count > 0 { asked / SHARED } else { 0 }, asked / APART);
         let (mut chosen, mut left) =
             (order[..asked - shared - apart].to_vec(), order[asked - shared - apart..].to_vec());
         let mut add = |most: usize, is_meant: &dyn Fn(&[usize], usize) -> bool| {
@@ -253,7 +284,6 @@ impl Judge {
                 !is_chosen
             });
         };
-        let things: Vec<Option<usize>> = candidates.iter().map(|(at_m, _)| seen.things.at(*at_m)).collect();
         add(asked - apart, &|chosen, number| {
             let of_it = chosen.iter().filter(|other| things[**other] == things[number]).count();
             things[number].is_some() && of_it < (shared / count).max(1)

@@ -35,7 +35,7 @@ const INTO_M: f32 = 0.008;
 const UNDER_M: f32 = 0.004;
 /// Draws for each wanted candidate after which the search ends.
 const TRIES_MAX: usize = 40;
-/// Draws that are examined together.
+/// Draws that are examined together; fewer where few candidates are wanted.
 const ROUND: usize = 1024;
 
 /// What was seen of a scene.
@@ -104,10 +104,11 @@ pub type Better<'a> = dyn Fn(&Grasp) -> Option<Grasp> + Sync + 'a;
 pub enum Spread {
     /// Evenly over its surface.
     Evenly,
-    /// What is apart from each other has shares: half of the candidates, and more than a third of those that the judge
-    /// is asked about, are the same for each thing.
+    /// What is apart from each other has shares: half of the candidates, and half of those that the judge is asked about
+    /// first, are the same for each thing. Then more are sought on things without a sure grasp.
     Shared,
-    /// The same, and those are sought again that have no good grasp.
+    /// The same with twice as many on these, and the best grasp of each thing is looked at as closely as the best of
+    /// all.
     Each,
 }
 
@@ -148,26 +149,28 @@ impl CandidateSampler {
     #[must_use]
     pub fn sample(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
         let space = Space::new(field, None, field.lattice.corners_m());
-        let found = self.search(&space, &Default::default(), &|grasps| vec![true; grasps.len()], count, stream);
+        let (every, counts) = (&|grasps: &[Grasp]| vec![true; grasps.len()], [count, count * TRIES_MAX]);
+        let found = self.search(&space, &Default::default(), every, counts, stream);
         found.into_iter().map(|(_, grasp)| grasp).collect()
     }
 
     /// [`Self::sample`] in a scene that is prepared, for several searches, on the `wanted` points of its surfaces, of
-    /// candidates that are wanted; each with the point that it touches.
+    /// candidates that are wanted; each with the point that it touches. So many at most are found, and drawn.
     fn search(
         &self,
         space: &Space<'_>,
         wanted: &[Vec<usize>; 2],
         are_wanted: &AreWanted<'_>,
-        count: usize,
+        [count, draws_max]: [usize; 2],
         stream: &mut Stream,
     ) -> Vec<(Vec3, Grasp)> {
         let mut found = Vec::with_capacity(count);
         if space.surfaces[0].is_empty() {
             return found;
         }
-        for _ in 0..(count * TRIES_MAX).div_ceil(ROUND) {
-            let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&space.surfaces, wanted, stream)).collect();
+        let together = ROUND.min(4 * count.max(1));
+        for _ in 0..draws_max.div_ceil(together) {
+            let draws: Vec<Draw> = (0..together).map(|_| Draw::new(&space.surfaces, wanted, stream)).collect();
             let candidate = |draw: &Draw| self.candidate(space, draw);
             let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(candidate).collect();
             let touched_m = |draw: &Draw| space.surfaces[usize::from(draw.closes)][draw.point].0;
@@ -389,7 +392,8 @@ mod tests {
         are_wanted: &AreWanted<'_>,
         count: usize,
     ) -> Vec<Grasp> {
-        let found = sampler.search(space, wanted, are_wanted, count, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let (counts, mut stream) = ([count, count * TRIES_MAX], Stream::new(1, 0, Purpose::Proposals, 0));
+        let found = sampler.search(space, wanted, are_wanted, counts, &mut stream);
         found.into_iter().map(|(_, grasp)| grasp).collect()
     }
 
@@ -558,7 +562,7 @@ mod tests {
         let shared = things.shared(&space, &none, true, |_| true);
         let [few, many] = [&none, &shared].map(|wanted| at_cube(&searched(&sampler, &space, wanted, &every, 500)));
         assert!(few > 0 && 10 * many > 13 * few, "{few} and {many} of 500");
-        // Three eighths of 64 are shared by two.
+        // Half of 48 are shared by two.
         let asked = judged(&judge, &both, 0, &search(Spread::Shared));
         let on_cube = space.surfaces[0].iter().find(|(at_m, _)| (*at_m - CUBE_M[0]).length() < 0.03).unwrap();
         let cube = things.at(on_cube.0);

@@ -49,13 +49,14 @@ fn a_judge_gives_grasps_that_it_expects_to_hold_and_says_what_it_expects_of_othe
             assert!(apart.length() >= apart_m);
         }
     }
-    assert_eq!(
-        (plan.funnel.count("proposed"), plan.funnel.count("ranked")),
-        (Some(proposals), Some(plan.grasps.len()))
-    );
+    assert_eq!(plan.funnel.count("ranked"), Some(plan.grasps.len()));
+    // A quarter is kept back for things without a sure grasp, for which half as many as at first may be proposed, too.
+    let [proposed, judged] = ["proposed", "judged"].map(|stage| plan.funnel.count(stage).unwrap());
+    assert!((proposals..=proposals + proposals / 2).contains(&proposed), "{proposed}");
+    assert!((asked - asked / 4..=asked + asked / 4).contains(&judged), "{judged}");
     assert_eq!(plan.funnel.count("voxels"), None, "a judge is not asked about voxels");
     assert!(plan.grasps.iter().all(|ranked| ranked.voxel.is_none()));
-    assert_eq!((plan.funnel.count("judged"), plan.grasps.len() + plan.dropped.len()), (Some(asked), asked));
+    assert_eq!(plan.grasps.len() + plan.dropped.len(), judged);
     // About grasps all over the scene, not about the likeliest object alone.
     assert!(plan.objects.len() > 2 && plan.grasps.iter().any(|ranked| ranked.object != plan.grasps[0].object));
     let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Quality { likeliest: Some((outcome, _)) } if outcome != Outcome::Held);
