@@ -8,7 +8,7 @@ use schema::Pose;
 use crate::config::Config;
 use crate::gripper_volume::are_alike;
 use crate::limits::Limiter;
-use crate::observation::PlanOptions;
+use crate::observation::{Limits, PlanOptions};
 use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::timing::Timings;
 use crate::volume::Workspace;
@@ -81,7 +81,7 @@ impl Request<'_> {
         match best {
             Some(DroppedCandidate { reason: RejectReason::Quality { .. }, quality, .. }) => self.below(*quality),
             Some(best) => best.detail.clone(),
-            None if self.limiter.rejections().is_some() => {
+            None if self.options.limits != Limits::default() || self.limiter.rejections().is_some() => {
                 "no grasp candidate at it keeps the limits that were asked for".to_owned()
             }
             None => "no grasp candidate was found at it".to_owned(),
