@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Pose, Stream, Vec3};
 
 use crate::things::Things;
-use crate::{CandidateSampler, ObservedScene, Search, Space, Spread, TRIES_MAX, kept};
+use crate::{CandidateSampler, ObservedScene, Search, Space, Spread, TRIES_MAX, Wanted, kept};
 
 /// Candidates that one thread judges together.
 const TOGETHER: usize = 8;
@@ -24,8 +24,8 @@ const SHARED: usize = 2;
 const KEPT_BACK: usize = 4;
 /// For each thing without a sure grasp so many more are proposed and asked about, in all up to half of what all were;
 /// twice that where each thing counts.
-const PROPOSED_MORE: usize = 64;
-const ASKED_MORE: usize = 8;
+const PROPOSED: usize = 64;
+const ASKED: usize = 8;
 /// So many are drawn at most for each of these: of some things no candidate is free.
 const TRIES_MORE_MAX: usize = 8;
 
@@ -136,7 +136,7 @@ impl Judge {
         let seen = Seen { space, things, views: seen.views };
         let previous = self.previous(&seen, search);
         let (mut judged, mut proposed) = (Vec::<ScoredGrasp>::new(), usize::from(previous.is_some()));
-        let mut wanted = seen.things.shared(&seen.space, &about, true, |_| true);
+        let mut wanted = seen.things.shared(&seen.space, &about, |_| true);
         let asked_first = if seen.things.count() > 0 { asked - asked / KEPT_BACK } else { asked };
         for [more, more_asked] in SEARCHES {
             let search = Search { proposals: more * proposals, asked: more_asked * asked_first, ..*search };
@@ -150,9 +150,17 @@ impl Judge {
         }
         let is_sure = |thing| judged.iter().any(|one| one.thing == Some(thing) && one.quality() > SURE);
         let lacking: Vec<bool> = (0..seen.things.count()).map(|thing| !is_sure(thing)).collect();
-        let (found, count) = self.found_of(&lacking, &seen, &about, search, stream);
-        judged.extend(found);
-        proposed += count;
+        let count = lacking.iter().filter(|is_lacking| **is_lacking).count();
+        if count > 0 {
+            let times = if spread == Spread::Each { 2 } else { 1 };
+            let more = |each: usize, all: usize| times * (each * count).min(all / 2);
+            let search = Search { proposals: more(PROPOSED, proposals), asked: more(ASKED, asked), ..*search };
+            let is_meant = |thing: Option<usize>| thing.is_some_and(|thing| lacking[thing]);
+            let wanted = seen.things.shared(&seen.space, &about, is_meant);
+            let (found, count) = self.found(&seen, &wanted, &search, TRIES_MORE_MAX, stream);
+            judged.extend(found);
+            proposed += count;
+        }
         let (mut best, rest) = leaders(sorted(judged), apart_m, spread);
         best.extend(previous);
         self.move_where_better(&seen, &mut best, search);
@@ -167,7 +175,7 @@ impl Judge {
     fn found(
         &self,
         seen: &Seen<'_>,
-        wanted: &[Vec<usize>; 2],
+        wanted: &Wanted,
         search: &Search<'_>,
         tries_max: usize,
         stream: &mut Stream,
@@ -181,26 +189,6 @@ impl Judge {
         let of_thing =
             |((at_m, _), judged): (&(Vec3, Grasp), ScoredGrasp)| ScoredGrasp { thing: seen.things.at(*at_m), ..judged };
         (chosen.iter().zip(judged).map(of_thing).collect(), proposed)
-    }
-
-    /// More candidates of those things that lack a sure grasp.
-    fn found_of(
-        &self,
-        lacking: &[bool],
-        seen: &Seen<'_>,
-        about: &[Vec<usize>; 2],
-        search: &Search<'_>,
-        stream: &mut Stream,
-    ) -> (Vec<ScoredGrasp>, usize) {
-        let count = lacking.iter().filter(|is_lacking| **is_lacking).count();
-        if count == 0 {
-            return (Vec::new(), 0);
-        }
-        let wanted = seen.things.shared(&seen.space, about, false, |thing| lacking[thing]);
-        let times = if search.spread == Spread::Each { 2 } else { 1 };
-        let proposals = times * (PROPOSED_MORE * count).min(search.proposals / 2);
-        let asked = times * (ASKED_MORE * count).min(search.asked / 2);
-        self.found(seen, &wanted, &Search { proposals, asked, ..*search }, TRIES_MORE_MAX, stream)
     }
 
     /// What the judge says of the grasp of an earlier search where it is free and wanted, or a little before it.

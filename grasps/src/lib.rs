@@ -77,7 +77,7 @@ struct Draw {
 
 impl Draw {
     /// `surfaces`: all of it, and where a finger can close; of these points only `wanted`, where there are some.
-    fn new(surfaces: &[Vec<(Vec3, Vec3)>; 2], wanted: &[Vec<usize>; 2], stream: &mut Stream) -> Self {
+    fn new(surfaces: &[Vec<(Vec3, Vec3)>; 2], wanted: &Wanted, stream: &mut Stream) -> Self {
         let closes = stream.uniform(0.0, 1.0) < CLOSING_SHARE && !surfaces[1].is_empty();
         let (all, wanted) = (&surfaces[usize::from(closes)], &wanted[usize::from(closes)]);
         Self {
@@ -92,6 +92,9 @@ impl Draw {
         }
     }
 }
+
+/// Points of the surfaces, by their numbers: of all, and of those where a finger can close; none for any of them.
+type Wanted = [Vec<usize>; 2];
 
 /// Of each of some grasps whether it is wanted.
 pub type AreWanted<'a> = dyn Fn(&[Grasp]) -> Vec<bool> + 'a;
@@ -159,7 +162,7 @@ impl CandidateSampler {
     fn search(
         &self,
         space: &Space<'_>,
-        wanted: &[Vec<usize>; 2],
+        wanted: &Wanted,
         are_wanted: &AreWanted<'_>,
         [count, draws_max]: [usize; 2],
         stream: &mut Stream,
@@ -388,7 +391,7 @@ mod tests {
     fn searched(
         sampler: &CandidateSampler,
         space: &Space<'_>,
-        wanted: &[Vec<usize>; 2],
+        wanted: &Wanted,
         are_wanted: &AreWanted<'_>,
         count: usize,
     ) -> Vec<Grasp> {
@@ -559,7 +562,7 @@ mod tests {
         let (sampler, none) = (CandidateSampler::new(&gripper, 0.05), Default::default());
         let things = things::Things::new(&space, &none);
         assert_eq!(things.count(), 2);
-        let shared = things.shared(&space, &none, true, |_| true);
+        let shared = things.shared(&space, &none, |_| true);
         let [few, many] = [&none, &shared].map(|wanted| at_cube(&searched(&sampler, &space, wanted, &every, 500)));
         assert!(few > 0 && 10 * many > 13 * few, "{few} and {many} of 500");
         // Half of 48 are shared by two.

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::iter::repeat_n;
 
-use schema::Vec3;
+use schema::{Vec3, bounds_m};
 
+use crate::Wanted;
 use crate::space::Space;
 
 /// Side of the cubes into which points are sorted: those in cubes that touch are of one thing. Things are apart if there
@@ -14,7 +15,7 @@ const CUBE_M: f32 = 0.006;
 const SIDE_MAX: f32 = 200.0;
 /// A thing has points in at least this many cubes, 6 cm² of it. What has fewer is noise, or too little to be held.
 const CUBES_MIN: usize = 16;
-/// What is longer than so many cubes are things that touch: each square of about so many cubes counts as one of them.
+/// What is longer than so many cubes are things that touch: each square of so many cubes counts as one of them.
 const LONG: usize = 42;
 const SQUARE: usize = 14;
 /// Points of the smallest things are drawn so many times as often as without shares.
@@ -30,17 +31,15 @@ pub(crate) struct Things {
     low_m: Vec3,
     per_m: f32,
     counts: [usize; 3],
-    /// Of each cube 0 where no point is, else a number into `numbers`, plus 1.
+    /// Of each cube one more than its thing, 0 where none is.
     of_cube: Vec<u32>,
-    /// The thing of each part, if it is large enough.
-    numbers: Vec<Option<usize>>,
     /// How many times as often a point of each thing is drawn.
     times: Vec<usize>,
 }
 
 impl Things {
     /// Those among the `wanted` points of the surfaces, or all of them where there are none.
-    pub(crate) fn new(space: &Space<'_>, wanted: &[Vec<usize>; 2]) -> Self {
+    pub(crate) fn new(space: &Space<'_>, wanted: &Wanted) -> Self {
         let points_m: Vec<Vec3> = match &wanted[0][..] {
             [] => space.surfaces[0].iter().map(|(at_m, _)| *at_m).collect(),
             wanted => wanted.iter().map(|number| space.surfaces[0][*number].0).collect(),
@@ -50,30 +49,25 @@ impl Things {
     }
 
     fn of_points(points_m: &[Vec3]) -> Self {
-        let low_m = points_m.iter().fold(Vec3::INFINITY, |low, at_m| low.min(*at_m));
-        let high_m = points_m.iter().fold(Vec3::NEG_INFINITY, |high, at_m| high.max(*at_m));
+        let [low_m, high_m] = bounds_m(points_m);
         let extent_m = (high_m - low_m).max(Vec3::ZERO);
         let per_m = 1.0 / CUBE_M.max(extent_m.max_element() / SIDE_MAX);
         // One more on each side, so that each cube with points has all its neighbours.
         let counts = (extent_m * per_m).to_array().map(|along| along as usize + 3);
-        let mut of_cube = vec![0; counts.iter().product()];
-        let mut things = Self { low_m, per_m, counts, ..Self::default() };
+        let of_cube = vec![0; counts.iter().product()];
+        let mut things = Self { low_m, per_m, counts, of_cube, times: Vec::new() };
         let cubes: Vec<usize> = points_m.iter().filter_map(|at_m| things.cube(*at_m)).collect();
-        cubes.iter().for_each(|cube| of_cube[*cube] = OPEN);
+        cubes.iter().for_each(|cube| things.of_cube[*cube] = OPEN);
         let mut sizes: Vec<usize> = Vec::new();
         for cube in cubes {
-            if of_cube[cube] == OPEN {
-                let part = things.part(cube, &mut of_cube);
-                things.divide(&part, &mut of_cube, &mut sizes);
+            if things.of_cube[cube] == OPEN {
+                let part = things.part(cube);
+                things.divide(part, &mut sizes);
             }
         }
         // One half of the draws by area, the other half the same for each thing.
-        let (all, mut next) = (sizes.iter().sum::<usize>() as f32, 0..sizes.len());
-        things.numbers = sizes.iter().map(|size| if *size >= CUBES_MIN { next.next() } else { None }).collect();
-        sizes.retain(|size| *size >= CUBES_MIN);
-        let even = all / sizes.len().max(1) as f32;
+        let even = sizes.iter().sum::<usize>() as f32 / sizes.len().max(1) as f32;
         things.times = sizes.iter().map(|size| ((1.0 + even / *size as f32).round() as usize).min(TIMES_MAX)).collect();
-        things.of_cube = of_cube;
         things
     }
 
@@ -86,16 +80,16 @@ impl Things {
     }
 
     /// The cubes with points that are connected with one of them.
-    fn part(&self, first: usize, of_cube: &mut [u32]) -> Vec<usize> {
+    fn part(&mut self, first: usize) -> Vec<usize> {
         let [_, wide, high] = self.counts;
         let (mut part, mut done) = (vec![first], 0);
-        of_cube[first] = TAKEN;
+        self.of_cube[first] = TAKEN;
         while let Some(cube) = part.get(done).copied() {
             done += 1;
             let corner = cube - (wide * high + high + 1);
             for near in (0..27).map(|number| corner + number / 9 * wide * high + number / 3 % 3 * high + number % 3) {
-                if of_cube[near] == OPEN {
-                    of_cube[near] = TAKEN;
+                if self.of_cube[near] == OPEN {
+                    self.of_cube[near] = TAKEN;
                     part.push(near);
                 }
             }
@@ -104,30 +98,24 @@ impl Things {
     }
 
     /// Numbers a part, or its squares if it is long, after those whose `sizes` are known, and adds theirs, in cubes.
-    fn divide(&self, part: &[usize], of_cube: &mut [u32], sizes: &mut Vec<usize>) {
+    fn divide(&mut self, part: Vec<usize>, sizes: &mut Vec<usize>) {
         let [_, wide, high] = self.counts;
         let along = |cube: usize| [cube / (wide * high), cube / high % wide];
-        // Where it begins, how long it is, and how many squares it has.
         let ends = [0, 1].map(|axis| {
             let each = part.iter().map(|cube| along(*cube)[axis]);
-            let [low, high] = each.fold([usize::MAX, 0], |[low, high], at| [low.min(at), high.max(at)]);
-            [low, high + 1 - low]
+            each.fold([usize::MAX, 0], |[first, last], at| [first.min(at), last.max(at)])
         });
-        let is_long = ends.iter().any(|[_, length]| *length > LONG);
-        let squares_along = |length: usize| if is_long { (length + SQUARE / 2) / SQUARE } else { 1 };
-        let mut squares = BTreeMap::new();
+        let side = if ends.iter().any(|[first, last]| last - first > LONG) { SQUARE } else { usize::MAX };
+        let mut squares = BTreeMap::<[usize; 2], Vec<usize>>::new();
         for cube in part {
-            let at = along(*cube);
-            let square = [0, 1].map(|axis| {
-                let [low, length] = ends[axis];
-                (at[axis] - low) * squares_along(length).max(1) / length
-            });
-            let number = *squares.entry(square).or_insert_with(|| {
-                sizes.push(0);
-                sizes.len()
-            });
-            sizes[number - 1] += 1;
-            of_cube[*cube] = number as u32;
+            let at = along(cube);
+            squares.entry([0, 1].map(|axis| (at[axis] - ends[axis][0]) / side)).or_default().push(cube);
+        }
+        for cubes in squares.into_values() {
+            let is_thing = cubes.len() >= CUBES_MIN;
+            sizes.extend(is_thing.then_some(cubes.len()));
+            let number = if is_thing { sizes.len() as u32 } else { 0 };
+            cubes.into_iter().for_each(|cube| self.of_cube[cube] = number);
         }
     }
 
@@ -138,36 +126,26 @@ impl Things {
 
     /// The thing at a point of the surface.
     pub(crate) fn at(&self, at_m: Vec3) -> Option<usize> {
-        let part = self.of_cube.get(self.cube(at_m)?)?.checked_sub(1)?;
-        self.numbers[part as usize]
+        self.of_cube.get(self.cube(at_m)?)?.checked_sub(1).map(|thing| thing as usize)
     }
 
-    /// Of the `wanted` points of the surfaces those of things that are meant, each as many times as its thing's share
-    /// says, and of no thing if `others` are meant, too; what is wanted itself where there are no things.
+    /// Of the `wanted` points of the surfaces those of things, or of none, that are meant, each as many times as its
+    /// thing's share says; what is wanted itself where there are no things.
     pub(crate) fn shared(
         &self,
         space: &Space<'_>,
-        wanted: &[Vec<usize>; 2],
-        others: bool,
-        is_meant: impl Fn(usize) -> bool,
-    ) -> [Vec<usize>; 2] {
+        wanted: &Wanted,
+        is_meant: impl Fn(Option<usize>) -> bool,
+    ) -> Wanted {
         if self.count() == 0 {
             return wanted.clone();
         }
         [0, 1].map(|surface| {
-            let all: Vec<usize> = (0..space.surfaces[surface].len()).collect();
-            let points = if wanted[surface].is_empty() { &all } else { &wanted[surface] };
-            let times = |number: &usize| match self.at(space.surfaces[surface][*number].0) {
-                Some(thing) => {
-                    if is_meant(thing) {
-                        self.times[thing]
-                    } else {
-                        0
-                    }
-                }
-                None => usize::from(others),
-            };
-            points.iter().flat_map(|number| repeat_n(*number, times(number))).collect()
+            let (points, wanted) = (&space.surfaces[surface], &wanted[surface]);
+            let all = (0..points.len()).filter(|_| wanted.is_empty()).chain(wanted.iter().copied());
+            let thing = |number: usize| self.at(points[number].0);
+            let meant = all.map(|number| (number, thing(number))).filter(|(_, thing)| is_meant(*thing));
+            meant.flat_map(|(number, thing)| repeat_n(number, thing.map_or(1, |thing| self.times[thing]))).collect()
         })
     }
 }
@@ -204,7 +182,7 @@ mod tests {
     #[test]
     fn what_is_long_counts_as_several_things_and_what_is_not_as_one() {
         assert_eq!(Things::of_points(&plate(Vec3::ZERO, 48, 20)).count(), 1, "0.24 m");
-        // 0.3 m by 0.2 m: four squares along it, two across it.
-        assert_eq!(Things::of_points(&plate(Vec3::ZERO, 61, 41)).count(), 8);
+        // 0.3 m by 0.15 m: four squares of 84 mm along it, two across it.
+        assert_eq!(Things::of_points(&plate(Vec3::ZERO, 61, 31)).count(), 8);
     }
 }

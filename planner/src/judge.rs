@@ -37,7 +37,7 @@ impl Method for Judge {
         // As it is offered: of a grasp and its half turn the one nearer to the wrist.
         let wrist = options.wrist();
         let failed_m: Vec<Vec3> = options.avoid.iter().map(|failed| failed.translation).collect();
-        let (about_m, centred) = (limiter.about_m(), |grasp: &Grasp| widths.centred(grasp));
+        let (about_m, better) = (&limiter.about_m(), &|grasp: &Grasp| widths.centred(grasp));
         let JudgeParams { proposals, asked, apart_m, .. } = config.judge;
         let asked = asked.unwrap_or(proposals);
         let spread = if options.each { Spread::Each } else { Spread::Shared };
@@ -55,16 +55,8 @@ impl Method for Judge {
                 };
                 candidates.iter().zip(broken).map(|(grasp, broken)| broken.is_none() && is_off(grasp)).collect()
             };
-            let search = Search {
-                proposals,
-                asked,
-                spread,
-                previous,
-                apart_m,
-                about_m: &about_m,
-                are_wanted: &are_wanted,
-                better: &centred,
-            };
+            let are_wanted = &are_wanted;
+            let search = Search { proposals, asked, spread, previous, apart_m, about_m, are_wanted, better };
             self.scored_grasps(seen, &search, &mut stream)
         };
         let epsilon = config.detection.quality_min;

@@ -3,8 +3,6 @@
 use std::collections::BTreeSet;
 use std::mem::take;
 
-use schema::Pose;
-
 use crate::method::Request;
 use crate::plan::{DroppedCandidate, ObjectCluster, RankedGrasp, SegmentedCloud};
 use crate::rank::attribute;
@@ -31,9 +29,8 @@ pub(crate) fn tell(
         object.grasp_count += 1;
         object.quality_best = Some(object.quality_best.map_or(ranked.quality, |best| best.max(ranked.quality)));
     }
-    let base_from_workspace: Option<Pose> = request.options.base_from_workspace;
     for object in objects.iter_mut() {
-        object.base_centroid_m = base_from_workspace.map(|base| base * object.centroid_m);
+        object.base_centroid_m = request.options.base_from_workspace.map(|base| base * object.centroid_m);
     }
     if objects.iter().all(|object| object.grasp_count > 0) {
         return;

@@ -234,14 +234,8 @@ impl Planner {
         Ok(plan)
     }
 
-    fn rank(
-        &self,
-        mut candidates: Candidates,
-        (cloud, mut objects): Segments,
-        seen: Seen,
-        request: &Request<'_>,
-    ) -> Plan {
-        let options = request.options;
+    fn rank(&self, mut candidates: Candidates, segments: Segments, seen: Seen, request: &Request<'_>) -> Plan {
+        let (options, (cloud, mut objects)) = (request.options, segments);
         self.method.settle(&mut candidates, &cloud, request);
         let (collision, found) = (&self.config.collision, candidates.grasps.len());
         if options.check_collisions.unwrap_or(collision.check) {
