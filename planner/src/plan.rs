@@ -89,7 +89,8 @@ pub struct ObjectCluster {
 }
 
 fn coordinates<'a, S: Serializer>(point: impl Into<Option<&'a Vec3>>, serializer: S) -> Result<S::Ok, S::Error> {
-    point.into().map(|point| point.to_array()).serialize(serializer)
+    let point: Option<&Vec3> = point.into();
+    point.map(|point| point.to_array()).serialize(serializer)
 }
 
 /// The segment of a point.
