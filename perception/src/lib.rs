@@ -56,7 +56,7 @@ pub use plane::{FoundPlane, PlaneParams, find_plane};
 pub use seen::{ScaledView, SeenPoint, seen_above};
 pub use sensor::{NoiseKind, Sensor, SensorParams};
 pub use surface::{surface_beside, surface_cloud, surface_of_blocks, thinned};
-pub use table::{Sides, TableCandidate, find_tables};
+pub use table::{Sides, TableCandidate, find_tables, upright};
 pub use tsdf::{TRUNCATION_VOXELS, Tsdf};
 pub use views::{ViewKind, camera_at, draw_kind, draw_views};
 pub use walls::{Wall, walls};

@@ -71,7 +71,10 @@ pub struct TableCandidate {
     /// What goes on above all that a gripper takes, or is cut by the image above the plane, as a wall: its point that
     /// is nearest to the middle, in metres.
     pub structure_m: Option<Vec3>,
-    /// How well it answers; only ratios mean something.
+    /// How well it answers, however it lies: the product of its share and what it carries, less for what is behind it
+    /// and far away.
+    pub evidence: f32,
+    /// How well it answers as it lies; only ratios mean something.
     pub score: f32,
 }
 
@@ -214,6 +217,7 @@ fn candidate(
         carried_share,
         middle_m,
         structure_m: structure_m.into_iter().min_by(nearer),
+        evidence: share * (carried_share + BARE_SHARE) * libm::expf(-hidden - far * far),
         score: share * (carried_share + BARE_SHARE) * stands * libm::expf(-hidden - far * far),
         plane,
     })
@@ -239,7 +243,8 @@ fn those(points_m: &[Vec3], is_meant: impl Fn(Vec3) -> bool) -> Vec<Vec3> {
 }
 
 /// How likely a camera that stands upright and looks down sees a table with this normal.
-fn upright(normal: Vec3) -> f32 {
+#[must_use]
+pub fn upright(normal: Vec3) -> f32 {
     let square = |sine: f32| (sine / UPRIGHT) * (sine / UPRIGHT);
     libm::expf(-square(normal.x) - square(normal.y.max(0.0)))
 }

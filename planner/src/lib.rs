@@ -16,12 +16,14 @@
 
 pub mod config;
 pub mod demo;
+mod doubts;
 mod frame;
 pub mod gripper_volume;
 pub mod input;
 mod judge;
 mod limits;
 mod method;
+mod mistake;
 mod objects;
 mod observation;
 pub mod plan;

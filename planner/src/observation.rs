@@ -116,6 +116,8 @@ pub struct PlanOptions {
     /// The workspace is on the table, which is to be found: poses are in the first camera's frame, or a cloud is in its
     /// sensor's.
     pub find_table: Option<FindTable>,
+    /// The frame in the workspace from which a cloud was moved there: its mistakes can be named.
+    pub workspace_from_cloud: Option<Pose>,
     /// The workspace in the robot's base frame: grasps are given there, too.
     pub base_from_workspace: Option<Pose>,
     /// The wrist's orientation now, in the workspace (gripper axes as a grasp's); of a grasp and its half turn the

@@ -333,7 +333,8 @@ fn table<S: Serializer>(found: &Option<FoundTable>, serializer: S) -> Result<S::
         };
         TableAnswer { sureness: found.sureness(), candidates: found.candidates.iter().map(candidate).collect() }
     };
-    found.as_ref().map(answer).serialize(serializer)
+    // About an object that floats there is none.
+    found.as_ref().filter(|found| !found.candidates.is_empty()).map(answer).serialize(serializer)
 }
 
 /// A part of the workspace, z up.

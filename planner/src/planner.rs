@@ -6,10 +6,12 @@ use std::sync::{Arc, OnceLock};
 
 use grasps::{Judge, ObservedScene};
 use network::{Architecture, DenseNetwork, VoxelParams, checkpoint};
+use perception::PlaneParams;
 use program::Failure;
 use schema::{Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
 
 use crate::config::{BuiltIn, Config, Policy};
+use crate::doubts;
 use crate::frame::{self, FoundTable};
 use crate::gripper_volume::GripperVolume;
 use crate::input::{InputError, read_file};
@@ -163,15 +165,26 @@ impl Planner {
     ) -> Result<Plan, InputError> {
         let (seed, mut timings_ms) = (self.config.seed, Vec::new());
         let mut warnings: Vec<String> = self.warning.iter().cloned().collect();
+        frame::check_object(observation, options.limits.target.as_ref())?;
         let Some(wanted) = &options.find_table else {
-            warnings.extend(frame::doubts(observation, options.base_from_workspace, &self.grid, seed));
-            return self.plan_in(observation, None, options, will_do, timings_ms, warnings);
+            let doubts = doubts::of_given(observation, options, &self.grid, seed);
+            warnings.extend(doubts.iter().cloned());
+            let plan = self.plan_in(observation, None, options, will_do, timings_ms, warnings);
+            // A mistake may be why a cloud cannot have been seen.
+            return plan.map_err(|error| doubts.iter().fold(error, |error, said| error.at(said)));
         };
+        if let Some((floating, found, said)) = frame::alone(observation, wanted, &self.grid, seed)? {
+            warnings.push(said);
+            let moved = frame::moved(&floating, &found.workspace_from_first);
+            let options = options.seen_from(found.workspace_from_first);
+            return self.plan_in(&moved, Some(found), &options, will_do, timings_ms, warnings);
+        }
         let found = timed(&mut timings_ms, "table", || frame::find(observation, wanted, &self.grid, seed))?;
+        let moved = frame::moved(observation, &found.workspace_from_first);
+        warnings.extend(doubts::of_found(observation, &moved, &found, wanted, &self.grid, seed));
         warnings.extend(found.warning());
-        let (observation, options) =
-            (frame::moved(observation, &found.workspace_from_first), options.seen_from(found.workspace_from_first));
-        self.plan_in(&observation, Some(found), &options, will_do, timings_ms, warnings)
+        let options = options.seen_from(found.workspace_from_first);
+        self.plan_in(&moved, Some(found), &options, will_do, timings_ms, warnings)
     }
 
     /// The same of an observation in the workspace, on the table that was found if it was asked for.
@@ -192,11 +205,17 @@ impl Planner {
             true => timed(&mut timings_ms, "walls", || Walls::among(&volume.points_m, shown, table_z_m)),
             false => Walls::default(),
         };
+        // An object that floats has no plane under it: its sides are its own.
+        let floating = table.as_ref().is_some_and(|found| found.candidates.is_empty()).then(|| {
+            let plane = PlaneParams { share_min: 1.0, ..self.config.plane };
+            Config { plane, ..self.config.clone() }
+        });
+        let segmented = floating.as_ref().unwrap_or(&self.config);
         // The object at a point takes the segments; otherwise the network runs beside the segmentation.
         let mut segments = None;
         let target_points = options.limits.target.as_ref().map(|target| match target {
             Target::Point(target_m) => {
-                let (cloud, _) = segments.insert(segment(take(&mut volume.points_m), &self.config));
+                let (cloud, _) = segments.insert(segment(take(&mut volume.points_m), segmented));
                 object_points(cloud, *target_m)
             }
             Target::Masks(masks) => seen_points(&volume.points_m, shown, masks, self.grid.table_z_m),
@@ -216,8 +235,8 @@ impl Planner {
         let (candidates, segments) = rayon::join(
             || self.method.candidates(observed, scene, &request, &mut timings_ms),
             || {
-                let segmented = || segments.unwrap_or_else(|| segment(volume.points_m, &self.config));
-                timed(&mut segment_ms, "segment", segmented)
+                let segments = || segments.unwrap_or_else(|| segment(volume.points_m, segmented));
+                timed(&mut segment_ms, "segment", segments)
             },
         );
         timings_ms.append(&mut segment_ms);

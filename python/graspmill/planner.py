@@ -74,8 +74,8 @@ class PlanOptions(TypedDict, total=False):
 _HERE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
 
-def _request(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
-    """The options of a plan in the JSON of a request, which the native half checks, and the functions of the user."""
+def _request(options: PlanOptions, finds_table: bool = False, **more: Any) -> dict[str, Any]:
+    """The options of a plan in the JSON of a request, which the native half checks, with more of it, and the functions of the user."""
     known = PlanOptions.__annotations__
     if unknown := [name for name in options if name not in known]:
         raise TypeError(f"unexpected keyword argument {unknown[0]!r}: a plan has {', '.join(known)}")
@@ -85,7 +85,7 @@ def _request(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
         what = "poses" if name == "accept_batch" else "a pose"
         _arrays.must(function is None or callable(function), f"{name} must be a function of {what}", function)
     _arrays.must(None in functions.values(), "accept and accept_batch must not both be given")
-    text = json.dumps({name: _encoded(name, value) for name, value in given.items()})
+    text = json.dumps({name: _encoded(name, value) for name, value in given.items()} | more)
     return {"options": text, "finds_table": finds_table, "is_asked": any(one is not None for one in functions.values()), **functions}
 
 
@@ -189,12 +189,14 @@ class Planner(Immutable):
             thing = _arrays.floats("object_m", object_m, (None, 3), " (x, y, z)")
             _arrays.must(len(thing), "object_m must have a point, got none")
         finds_table = isinstance(workspace_from_cloud, str) and workspace_from_cloud == "table"
+        placed: dict[str, Any] = {}
         if workspace_from_cloud is not None and not finds_table:
-            pose = _arrays.matrices([_arrays.pose("workspace_from_cloud", workspace_from_cloud)])[0]
+            parts = _arrays.pose("workspace_from_cloud", workspace_from_cloud)
+            placed, pose = {"workspace_from_cloud": _parts(parts)}, _arrays.matrices([parts])[0]
             eyes = eyes if len(eyes) else np.zeros((1, 3), np.float32)
             turn, at_m = pose[:3, :3].T, pose[:3, 3]
             points, eyes, thing = ((part @ turn + at_m).astype(np.float32) for part in (points, eyes, thing))
-        return _planned(self._native.plan_cloud, points, eyes, thing, _request(options, finds_table))
+        return _planned(self._native.plan_cloud, points, eyes, thing, _request(options, finds_table, **placed))
 
     def plan_tsdf(self, tsdf: ArrayLike, **options: Unpack[PlanOptions]) -> Plan:
         """Plans from a TSDF, with :class:`PlanOptions`: ``[40, 40, 40]`` (x, y, z) in VGN's values, 0 to 1: (tsdf + 1) / 2 where

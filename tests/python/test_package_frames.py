@@ -253,6 +253,54 @@ def test_a_camera_that_is_calibrated_to_the_base_gives_gravity_and_the_bases_fra
     assert np.allclose(said[0]["base_from_grasp"]["position_m"], plan[0].base_from_grasp[:3, 3], atol=5e-6)
 
 
+def said_of(call):
+    """The warnings of a plan, or why it is refused."""
+    try:
+        return "; ".join(call().warnings)
+    except graspmill.InputError as error:
+        return str(error)
+
+
+def test_mistakes_are_named_where_the_table_is_found_too():
+    depth, camera, pose = seen_from(EYES[0])
+    points, turn = points_of(depth), np.array([[0.6, -0.8, 0, 0], [0.8, 0.6, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    base = shifted(0.4, -0.2, 0.1) @ turn @ pose
+    for given, words in (
+        (base, ""),
+        (np.linalg.inv(base), "if base_from_camera were the inverse, camera_from_base"),
+        (base @ np.diag([1.0, -1.0, -1.0, 1.0]), "if base_from_camera were in OpenGL's camera axes"),
+        (base @ np.linalg.inv(BODY), "if base_from_camera were the pose of the camera's body frame"),
+        (np.eye(4), "base_from_camera (it is the identity, the camera's own frame)"),
+    ):
+        for said in (
+            said_of(lambda given=given: PLANNER.plan(depth, camera, base_from_camera=given)),
+            said_of(lambda given=given: PLANNER.plan_cloud(points, workspace_from_cloud="table", base_from_camera=given)),
+        ):
+            assert words in said and (said == "") == (words == ""), (words, said)
+    for matrix, words in (
+        ([[1080.0, 0, 640], [0, 1080.0, 480], [0, 0, 1]], "those of another size"),
+        ([[540.0, 0, 240], [0, 540.0, 320], [0, 0, 1]], "if cx_px and cy_px changed places"),
+        ([[270.0, 0, 320], [0, 540.0, 240], [0, 0, 1]], "if fx_px and fy_px were 2 and 1 times"),
+    ):
+        said = said_of(lambda matrix=matrix: PLANNER.plan(depth, graspmill.Camera.from_K(matrix, SHAPE)))
+        assert words in said, (words, said)
+    placed = said_of(lambda: PLANNER.plan_cloud(points, workspace_from_cloud=np.linalg.inv(pose)))
+    assert "if workspace_from_cloud were the inverse, cloud_from_workspace" in placed
+
+
+def test_an_object_alone_is_planned_afloat():
+    depth, _, pose = seen_from(EYES[0], BOXED)
+    points = points_of(depth)
+    thing = points[(points @ pose[:3, :3].T + pose[:3, 3])[:, 2] > 0.055]
+    for cloud in (thing, thing - thing.mean(axis=0)):
+        plan = PLANNER.plan_cloud(cloud, workspace_from_cloud="table")
+        assert plan.answer["table"] is None and "one object and no table under it" in plan.warnings[0], plan.warnings
+        assert all(np.linalg.norm(cloud - grasp.camera_from_grasp[:3, 3], axis=1).min() < 0.045 for grasp in plan)
+    centred = thing - thing.mean(axis=0)
+    aside = lambda: PLANNER.plan_cloud(points, object_m=centred, workspace_from_cloud="table")
+    refused("none of the object's points lies in the scene", aside)
+
+
 def test_what_contradicts_itself_is_refused():
     depth, camera, pose = seen_from(EYES[0])
     points, tsdf = points_of(depth), BOXED.tsdf([RIGHT])

@@ -42,8 +42,8 @@ pub struct Request {
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
     let mut options = options(input, finds_table(input))?;
     let grid = options.workspace(&grid);
-    let mut assembly =
-        Assembly { input, folder, base_from_workspace: options.base_from_workspace, warnings: Vec::new() };
+    let PlanOptions { base_from_workspace, workspace_from_cloud, .. } = options;
+    let mut assembly = Assembly { input, folder, base_from_workspace, workspace_from_cloud, warnings: Vec::new() };
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
         (Some(views), None, None) => assembly.views(views).map(|(seen, masks)| {
             if masks.iter().any(Option::is_some) {
@@ -113,6 +113,7 @@ struct Assembly<'a> {
     input: &'a RequestInput,
     folder: Option<&'a Path>,
     base_from_workspace: Option<Pose>,
+    workspace_from_cloud: Option<Pose>,
     warnings: Vec<String>,
 }
 
@@ -240,9 +241,7 @@ impl Assembly<'_> {
         };
         points_m.extend(object_m.iter().flatten());
         let seen = Observation::Cloud { points_m, eyes_m: given.unwrap_or_default() };
-        let place = self.input.workspace_from_cloud.as_ref().filter(|place| **place != PoseInput::Table);
-        let Some(place) = place else { return Ok((seen, object_m)) };
-        let workspace_from_cloud = pose(place, "workspace_from_cloud")?;
+        let Some(workspace_from_cloud) = self.workspace_from_cloud else { return Ok((seen, object_m)) };
         object_m.iter_mut().flatten().for_each(|at_m| *at_m = workspace_from_cloud * *at_m);
         Ok((moved(&seen, &workspace_from_cloud), object_m))
     }

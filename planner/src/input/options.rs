@@ -41,6 +41,8 @@ pub(crate) fn options(input: &RequestInput, finds_table: bool) -> Result<PlanOpt
     }
     let base_from_workspace = input.base_from_workspace.as_ref().map(|input| pose(input, "base_from_workspace"));
     let base_from_camera = input.base_from_camera.as_ref().map(|input| pose(input, "base_from_camera"));
+    let placed = input.workspace_from_cloud.as_ref().filter(|place| **place != PoseInput::Table);
+    let workspace_from_cloud = placed.map(|input| pose(input, "workspace_from_cloud"));
     let workspace_from_wrist =
         input.workspace_from_wrist.as_ref().map(|input| orientation(input, "workspace_from_wrist"));
     if let Some(got) = input.grasps_max.filter(|count| !(1..=GRASPS_MAX).contains(count)) {
@@ -59,6 +61,7 @@ pub(crate) fn options(input: &RequestInput, finds_table: bool) -> Result<PlanOpt
     Ok(PlanOptions {
         workspace_size_m,
         find_table: finds_table.then_some(FindTable { down, base_from_camera: base_from_camera.transpose()? }),
+        workspace_from_cloud: workspace_from_cloud.transpose()?,
         base_from_workspace: base_from_workspace.transpose()?,
         workspace_from_wrist: workspace_from_wrist.transpose()?,
         policy: input.policy,

@@ -1,9 +1,9 @@
 //! `POST /predict`, version 0.1.0, as the servers of GraspGen-X and DexGraspNet 2 answer it: an object's cloud and the
 //! rest of the scene in any one frame, and grasps in the same. Clients of theirs work unchanged.
 //!
-//! The table is found in the clouds, so `scene_points` must show it; two keys more than the contract's say where
-//! gravity points and where the camera is, for clouds that are not in a camera's frame. (Other servers leave out keys
-//! that they do not know, and so does this one.)
+//! The table is found in the clouds; without `scene_points` the object floats. Two keys more than the contract's say
+//! where gravity points and where the camera is, for clouds that are not in a camera's frame. (Other servers leave out
+//! keys that they do not know, and so does this one.)
 
 use std::time::Instant;
 
@@ -142,9 +142,6 @@ pub(super) fn predict_bytes(planner: &Planner, frame: GraspFrame, body: &[u8]) -
     if counts[0] + counts[1] > POINTS_MAX {
         let message = format!("must have at most {POINTS_MAX} points together, got {}", counts[0] + counts[1]);
         return Err(Fault::new(StatusCode::PAYLOAD_TOO_LARGE, format!("{message}: point_cloud, scene_points")));
-    }
-    if points_m.is_empty() {
-        return Err(geometry("must show the table under the object, got no points: scene_points".to_owned()));
     }
     points_m.extend(&object_m);
     let of_input = |error: InputError| geometry(error.to_string());
