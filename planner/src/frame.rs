@@ -158,7 +158,8 @@ pub(crate) fn alone(
 ) -> Result<Option<(Observation, FoundTable, String)>, InputError> {
     let Observation::Cloud { points_m, eyes_m } = observation else { return Ok(None) };
     let [low_m, high_m] = bounds_m(points_m);
-    if points_m.is_empty() || (high_m - low_m).max_element() > ALONE_M {
+    // No point has a box without an end.
+    if !(0.0..=ALONE_M).contains(&(high_m - low_m).max_element()) {
         return Ok(None);
     }
     let middle_m = 0.5 * (low_m + high_m);
@@ -242,8 +243,8 @@ pub(crate) fn check_object(observation: &Observation, target: Option<&Target>) -
     let is_centred = low_m.cmplt(Vec3::ZERO).all() && high_m.cmpgt(Vec3::ZERO).all();
     let hint = if is_centred { "; its middle is the origin: do not subtract it" } else { "" };
     refuse(format!(
-        "none of the object's points lies in the scene, and the nearest of the scene is {away_m:.2} m away: both must be \
-         in one frame{hint}: object"
+        "none of the object's points lies in the scene, whose nearest is {away_m:.2} m away: both must be in one \
+         frame{hint}: object"
     ))
 }
 

@@ -75,7 +75,7 @@ _HERE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
 
 def _request(options: PlanOptions, finds_table: bool = False, **more: Any) -> dict[str, Any]:
-    """The options of a plan in the JSON of a request, which the native half checks, with more of it, and the functions of the user."""
+    """The options of a plan, and more of a request, in its JSON, which the native half checks, and the user's functions."""
     known = PlanOptions.__annotations__
     if unknown := [name for name in options if name not in known]:
         raise TypeError(f"unexpected keyword argument {unknown[0]!r}: a plan has {', '.join(known)}")
