@@ -205,7 +205,7 @@ impl Planner {
             true => timed(&mut timings_ms, "walls", || Walls::among(&volume.points_m, shown, table_z_m)),
             false => Walls::default(),
         };
-        // An object that floats has no plane under it: its sides are its own.
+        // An object that floats has no plane under it, its sides are its own, and its cloud shows nothing beside it.
         let floating = table.as_ref().is_some_and(|found| found.candidates.is_empty()).then(|| {
             let plane = PlaneParams { share_min: 1.0, ..self.config.plane };
             Config { plane, ..self.config.clone() }
@@ -222,7 +222,7 @@ impl Planner {
             Target::Points(target_m) => near_points(&volume.points_m, target_m, table_z_m),
         });
         let widths = Widths::new(shown, table_z_m, &self.config.gripper);
-        let in_sight = |pose: &Pose| !widths.is_out_of_sight(pose);
+        let in_sight = |pose: &Pose| floating.is_some() || !widths.is_out_of_sight(pose);
         let limiter = Limiter::new(&options.limits, &self.config, target_points, walls, &in_sight, will_do);
         let observed = ObservedScene {
             field: &volume.grid,
