@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use planner::gripper_volume::WRIST_DOWN;
 use planner::plan::{Plan, RejectReason};
 use planner::{
-    BuiltIn, Cone, Config, Limits, Observation, PlanOptions, Planner, Planners, Policy, Target, demo, input,
+    BuiltIn, Cone, Config, FindTable, Limits, Observation, PlanOptions, Planner, Planners, Policy, Target, demo, input,
 };
 use program::ExitCode;
 use schema::{Grid, Gripper, Outcome, Pose, Vec3, VoxelGrid};
@@ -296,4 +296,26 @@ fn a_request_may_name_other_settings_and_keeps_the_planners_gripper() {
         Planners::new(Planner::built_in(Config { gripper: huge, ..BuiltIn::Paper.config().unwrap() }).unwrap());
     let error = planners.of(Some(BuiltIn::Judge)).unwrap_err().to_string();
     assert!(error.contains("huge") && error.ends_with(": config"), "{error}");
+}
+
+/// The three faces of a box of 40 x 40 x 60 mm, 0.6 m before a camera that looks down at it; no table.
+#[test]
+fn an_object_alone_is_planned_afloat_and_says_so() {
+    let half = core::f32::consts::FRAC_1_SQRT_2;
+    let (right, ahead, up) = (Vec3::X, Vec3::new(0.0, -half, half), Vec3::new(0.0, -half, -half));
+    let sheet = |corner: Vec3, edges: [Vec3; 2]| {
+        (0..400).map(move |n| corner + edges[0] * ((n % 20) as f32 / 20.0) + edges[1] * ((n / 20) as f32 / 20.0))
+    };
+    let (low, size) = (Vec3::new(-0.01, 0.0, 0.6), [right * 0.04, ahead * 0.04, up * 0.06]);
+    let faces = [(low, [size[0], size[2]]), (low, [size[1], size[2]]), (low + size[2], [size[0], size[1]])];
+    let points_m: Vec<Vec3> = faces.into_iter().flat_map(|(corner, edges)| sheet(corner, edges)).collect();
+    let seen = Observation::Cloud { points_m: points_m.clone(), eyes_m: Vec::new() };
+    let options = PlanOptions { find_table: Some(FindTable::default()), ..PlanOptions::default() };
+    let plan = judge(config()).plan(&seen, &options).unwrap();
+    assert!(plan.warnings[0].contains("one object and no table under it"), "{:?}", plan.warnings);
+    assert!(plan.funnel.count("proposed") > Some(0), "{:?}", plan.reason);
+    for grasp in &plan.grasps {
+        let tips_m = grasp.camera_from_grasp.unwrap().translation;
+        assert!(points_m.iter().any(|at_m| at_m.distance(tips_m) < 0.045), "{tips_m}");
+    }
 }
