@@ -5,13 +5,12 @@
 //! accelerates, in which what is free gains the opposite acceleration; so nothing is lost, and no step is spent on a
 //! way.
 
-use core::f32::consts::TAU;
-
 use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Quat, Vec3};
 
 use crate::attempt::{AttemptWorld, Execution, Objects, Stopping};
 use crate::bodies::{AttemptEngine as _, Bodies as _};
-use crate::stepper::{Stepper, Turning};
+use crate::load::Load;
+use crate::stepper::Stepper;
 use crate::watch::{Moment, Phase, Watcher};
 use crate::{Body, Obstruction, Scene, SceneObject};
 
@@ -19,8 +18,6 @@ use crate::{Body, Obstruction, Scene, SceneObject};
 const CLEARANCE_M_MAX: f32 = 0.02;
 /// The table of a floating object is this far below it.
 const FAR_M: f32 = 1e3;
-/// A pull comes up to its strength in this time, so that it is no blow.
-const RISE_S: f32 = 0.025;
 /// An object is at rest in the gripper if for so long it moves no faster than [`Hold::slow`] says.
 const REST_TIME_S: f32 = 0.025;
 /// Fingers that stand still wait at most so long for what is light between them.
@@ -31,35 +28,6 @@ const SLOW_MAX: [f32; 2] = [0.004, 0.08];
 /// An object that floats at the origin of its own frame, made ready for grasps.
 pub struct FloatingWorld<'a> {
     world: AttemptWorld<'a>,
-}
-
-/// What happens to a gripper that has closed. Directions are in the frame of the grasp.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Load {
-    /// What is free is accelerated, steadily.
-    Pull {
-        /// By so much, in m/s².
-        acceleration_m_s2: Vec3,
-        /// For so long after it came up, in seconds.
-        time_s: f32,
-    },
-    /// The gripper goes to and fro along a direction, then it turns to and fro about a point.
-    Shake(Shake),
-}
-
-/// A gripper that is shaken.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shake {
-    /// From one end of its way to the other, in metres.
-    pub way_m: Vec3,
-    /// From one end of its turn to the other, in radians, about this axis …
-    pub turn_rad: Vec3,
-    /// … through this point.
-    pub pivot_m: Vec3,
-    /// There and back, a second.
-    pub rate_hz: f32,
-    /// How often of each.
-    pub cycles: f32,
 }
 
 /// When an object counts as lost.
@@ -312,15 +280,16 @@ impl Grip<'_> {
         let mut stepper = self.stepper.clone();
         stepper.jaws.friction *= friction_factor;
         let before = Placed::of(&stepper);
-        let rest_steps = physics.steps(REST_TIME_S);
+        // What got more inertia than its own moves under its weight as it would, but more slowly: a pull lasts longer.
+        let share = stepper.weight_share(0);
+        let slower = if matches!(load, Load::Pull { .. }) { 1.0 / share.sqrt() } else { 1.0 };
+        let slow = hold.slow(load.time_s()).map(|speed| speed * share.sqrt());
+        let rest_steps = physics.steps(REST_TIME_S * slower);
         // What is light may leave a finger for a moment.
-        let (mut since_gripped, mut resting) = (0, 0);
-        // What got more inertia than its own comes into motion as much more slowly.
-        let slow = hold.slow(load.time_s()).map(|speed| speed * stepper.weight_share(0).sqrt());
-        let (mut motion, mut quarters) = (Motion::default(), [Motion::default(); 3]);
-        let steps = physics.steps(load.time_s());
+        let (mut since_gripped, mut resting, mut motion) = (0, 0, Motion::default());
+        let steps = physics.steps(load.time_s() * slower);
         for step in 0..steps {
-            let time_s = (step as f32 + 0.5) * physics.dt_s();
+            let time_s = (step as f32 + 0.5) * physics.dt_s() / slower;
             let (gravity_m_s2, turning) = load.at(time_s);
             stepper.accelerate(gravity_m_s2, turning);
             stepper.press(self.asymmetry_m);
@@ -330,9 +299,6 @@ impl Grip<'_> {
                 watcher.step(&moment(&stepper, Phase::Bear, *before + step + 1, &self.object_from_grasp));
             }
             motion = Placed::of(&stepper).motion(&before);
-            if let Some(quarter) = quarters.get_mut(4 * step / steps) {
-                *quarter = motion;
-            }
             let width_m = self.world.width_m(stepper.closed_m());
             since_gripped = if stepper.is_gripped(0) { 0 } else { since_gripped + 1 };
             let is_lost = motion.moved_m > hold.moved_m_max || motion.turned_rad > hold.turned_rad_max;
@@ -345,17 +311,7 @@ impl Grip<'_> {
                 break;
             }
         }
-        // Had it only its own inertia, what falls would have come so much further. What falls gets faster: in the last
-        // quarter of the time it comes 2.3 times as far as in the second; what creeps does not, whatever it weighs.
-        let (is_moving, far) =
-            (matches!(load, Load::Pull { .. }) && resting < rest_steps, 1.0 / stepper.weight_share(0));
-        let falls = |of: fn(&Motion) -> f32, most: f32| {
-            let ([first, second, third], now) = (quarters.each_ref().map(of), of(&motion));
-            now - third > 1.6 * (second - first) && now * far > most
-        };
-        let falls =
-            is_moving && (falls(|m| m.moved_m, hold.moved_m_max) || falls(|m| m.turned_rad, hold.turned_rad_max));
-        Ending { is_held: !falls && since_gripped <= rest_steps, motion }
+        Ending { is_held: since_gripped <= rest_steps, motion }
     }
 }
 
@@ -363,64 +319,21 @@ impl Hold {
     /// What gains no more speed than this in [`REST_TIME_S`], in m/s and rad/s, comes half as far in a load of `time_s`
     /// as it may if it goes on to gain as much: the load need not be played to its end.
     fn slow(&self, time_s: f32) -> [f32; 2] {
-        let [moving, turning] = [self.moved_m_max, self.turned_rad_max].map(|most| most * REST_TIME_S / (time_s * time_s));
+        let [moving, turning] =
+            [self.moved_m_max, self.turned_rad_max].map(|most| most * REST_TIME_S / (time_s * time_s));
         [moving.min(SLOW_MAX[0]), turning.min(SLOW_MAX[1])]
-    }
-}
-
-impl Load {
-    /// How long it lasts, in seconds.
-    #[must_use]
-    pub fn time_s(&self) -> f32 {
-        match self {
-            Self::Pull { time_s, .. } => RISE_S + time_s,
-            Self::Shake(shake) => 2.0 * shake.cycles / shake.rate_hz,
-        }
-    }
-
-    /// Whether it stays as it is from then on.
-    fn is_steady(&self, time_s: f32) -> bool {
-        matches!(self, Self::Pull { .. }) && time_s >= RISE_S
-    }
-
-    /// What is free gains so much in the gripper's frame, which turns so.
-    fn at(&self, time_s: f32) -> (Vec3, Option<Turning>) {
-        match self {
-            Self::Pull { acceleration_m_s2, .. } => {
-                let share = (time_s / RISE_S).min(1.0);
-                (*acceleration_m_s2 * (share * share * (3.0 - 2.0 * share)), None)
-            }
-            Self::Shake(shake) => shake.at(time_s),
-        }
-    }
-}
-
-impl Shake {
-    /// The way is half its length times 1 − cos: it starts and ends at rest.
-    fn at(&self, time_s: f32) -> (Vec3, Option<Turning>) {
-        let half_s = self.cycles / self.rate_hz;
-        let (rate, swings_s) = (TAU * self.rate_hz, if time_s < half_s { time_s } else { time_s - half_s });
-        let (sin, cos) = libm::sincosf(rate * swings_s);
-        if time_s < half_s {
-            return (self.way_m * (-0.5 * rate * rate * cos), None);
-        }
-        let turning = Turning {
-            pivot_m: self.pivot_m,
-            rate_rad_s: self.turn_rad * (0.5 * rate * sin),
-            change_rad_s2: self.turn_rad * (0.5 * rate * rate * cos),
-        };
-        (Vec3::ZERO, Some(turning))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use core::f32::consts::PI;
+    use core::f32::consts::{PI, TAU};
 
     use schema::{ShapeKind, Solid, axis_angle};
 
     use super::*;
-    use crate::stepper::Jaws;
+    use crate::load::Shake;
+    use crate::stepper::{Jaws, Turning};
 
     const FAITHFUL: Physics = Physics { solver_iterations: 8, ..Physics::FAITHFUL };
     const TIGHT: Hold = Hold { moved_m_max: 0.002, turned_rad_max: 0.1 };
@@ -553,6 +466,31 @@ mod tests {
         assert!(!bears(shake(Vec3::Z * (1.6 * way_m), Vec3::ZERO)));
         assert!(bears(shake(Vec3::ZERO, Vec3::Y * (0.6 * way_m / 0.2))));
         assert!(!bears(shake(Vec3::ZERO, Vec3::Y * (2.0 * way_m / 0.2))));
+    }
+
+    /// What is light has more inertia here than its own, and holds all the same, whatever it weighs: a cup whose walls
+    /// are gripped 27 degrees from their normals, within the cone of friction, turns until it lies flat.
+    #[test]
+    fn a_light_cup_that_is_gripped_askew_holds_as_a_heavier_one_does() {
+        let gripper = Gripper::from_toml(include_str!("../../configs/grippers/franka_hand.toml")).unwrap();
+        let physics = Physics { finger_depth_m_max: 0.000_05, ..Physics::STANDARD };
+        let cup: Body = Solid::new(ShapeKind::Cylinder, Vec3::new(0.06, 0.06, 0.1)).unwrap().into();
+        let grasp = Pose::from_parts(
+            Vec3::new(0.001_107, 0.013_487, -0.012_527),
+            Quat::from_xyzw(0.552_674, 0.438_879, 0.481_984, -0.519_257).normalize(),
+        );
+        for mass_kg in [0.001, 0.003, 0.03, 0.2] {
+            for friction in [0.8, 0.3] {
+                let world = FloatingWorld::new(&physics, &gripper, &Procedure::PAPER, &cup, mass_kg, friction);
+                let hold = Hold { moved_m_max: 0.01, turned_rad_max: 0.349 };
+                let bears = |direction: Vec3| {
+                    let pull = Load::Pull { acceleration_m_s2: direction * 9.81, time_s: 0.25 };
+                    world.close(&grasp).is_ok_and(|grip| grip.bear(&pull, &hold, 1.0).is_held)
+                };
+                let held = [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y, Vec3::Z, -Vec3::Z].map(bears);
+                assert_eq!(held, [friction > 0.5; 6], "{mass_kg} kg, friction {friction}");
+            }
+        }
     }
 
     #[test]
