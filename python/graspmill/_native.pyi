@@ -51,8 +51,11 @@ class Body:
     volume_m3: float
     centre_m: list[float]
     off_m: float
-    def __new__(cls, name: str, extents_m: Sequence[float], parts: Sequence[Sequence[Sequence[float]]] | None) -> Body: ...
-    def __getnewargs__(self) -> tuple[str, list[float], list[list[list[float]]] | None]: ...
+    def __new__(
+        cls, name: str, extents_m: Sequence[float], parts: Sequence[Sequence[Sequence[float]]] | None,
+        mesh: tuple[Sequence[Sequence[float]], Sequence[Sequence[int]]] | None = None,
+    ) -> Body: ...  # fmt: skip
+    def __getnewargs__(self) -> tuple[str, list[float], list[list[list[float]]] | None, tuple[list[list[float]], list[list[int]]] | None]: ...
     @staticmethod
     def solid(kind: str, extents_m: Sequence[float]) -> Body: ...
     @staticmethod

@@ -110,13 +110,15 @@ class Object(Immutable):
         cls, mesh: Any, pose: ArrayLike, *, name: str = "mesh", mass_kg: float | None = None, friction: float = 1.0,
         parts_max: int = 1024, corners_max: int = 32, tolerance_m: float = 0.0008,
     ) -> Object:  # fmt: skip
-        """A triangle mesh, decomposed into convex parts. Mass and friction are those of :meth:`solid`.
+        """A triangle mesh, which cameras see, and the convex parts of it that physics uses. Mass and friction are those of
+        :meth:`solid`.
 
         Args:
             mesh: ``(vertices, faces)`` of shapes ``[V, 3]`` (metres) and ``[F, 3]``, or an object that has them, such
                 as a ``trimesh.Trimesh``.
             pose: ``workspace_from_mesh``: the pose of the mesh's own frame.
-            parts_max: The largest number of convex parts, 1 to 1024, and ``corners_max`` of corners of a part, 8 to 256.
+            parts_max: The largest number of convex parts, 1 to 1024 (1: it is its hull, also for cameras), and ``corners_max``
+                of corners of a part, 8 to 256.
             tolerance_m: The mesh is cut until its parts leave its surface by no more than this; of 2 mm it is warned.
         """
         with _arrays.read_as("mesh must be (vertices, faces), or have these attributes", type(mesh)):

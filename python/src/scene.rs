@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub(crate) use report::view::flat as seven;
 use schema::{
     Camera, Container, ContainerKind, DepthImage, Grid, Gripper, HitKind, Intrinsics, Model, ModelPart, Physics,
-    Polyhedron, Pose, Procedure, Quat, SettleParams, ShapeKind, Solid, Vec3,
+    Polyhedron, Pose, Procedure, Quat, SettleParams, ShapeKind, Solid, TriangleMesh, Vec3,
 };
 use serde_json::json;
 use simulator::{
@@ -18,6 +18,7 @@ use simulator::{
     settle, settle_again,
 };
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use crate::fault::{array, free, raised, reserved, room, wrong};
 use crate::pool::{Apart, on_threads};
@@ -132,6 +133,8 @@ impl Simulation {
 
 /// The corners of a part, in metres.
 type Corners = Vec<[f32; 3]>;
+/// The corners of a mesh, in metres, and its triangles.
+type PlainMesh = (Corners, Vec<[u32; 3]>);
 
 /// The shape of an object.
 #[pyclass(frozen, module = "graspmill._native")]
@@ -147,23 +150,26 @@ pub(crate) struct Body {
 
 #[pymethods]
 impl Body {
-    /// What pickle makes again: a primitive shape, or the hulls of the corners of a compound's parts.
+    /// What pickle makes again: a primitive shape, or the hulls of the corners of a compound's parts, and its mesh.
     #[new]
-    fn new(name: String, extents_m: [f32; 3], parts: Option<Vec<Corners>>) -> PyResult<Self> {
+    #[pyo3(signature = (name, extents_m, parts, mesh=None))]
+    fn new(name: String, extents_m: [f32; 3], parts: Option<Vec<Corners>>, mesh: Option<PlainMesh>) -> PyResult<Self> {
         let Some(parts) = parts else { return Self::solid(&name, extents_m) };
-        let part = |corners: Corners| ModelPart { corners_m: corners.into_iter().map(Vec3::from_array).collect() };
-        let parts = parts.into_iter().map(part).collect();
-        let extents_m = Vec3::from_array(extents_m);
-        let model = Model { name, mass_kg: 0.0, friction: 0.0, extents_m, volume_m3: 0.0, parts };
+        let points = |corners: Corners| corners.into_iter().map(Vec3::from_array).collect::<Vec<_>>();
+        let parts = parts.into_iter().map(|corners| ModelPart { corners_m: points(corners) }).collect();
+        let mesh = mesh.map(|(corners, triangles)| TriangleMesh::new(&points(corners), triangles).map(Arc::new));
+        let (mesh, extents_m) = (mesh.transpose().map_err(wrong)?, Vec3::from_array(extents_m));
+        let model = Model { name, mass_kg: 0.0, friction: 0.0, extents_m, volume_m3: 0.0, parts, mesh };
         let body = simulator::Body::of_model(&model).map_err(|error| wrong(error.to_string()))?;
         Ok(Self { body, centre_m: Vec3::ZERO, off_m: 0.0 })
     }
 
     /// The arguments with which pickle makes it again.
-    fn __getnewargs__(&self) -> (&str, [f32; 3], Option<Vec<Corners>>) {
-        let corners = |part: &Polyhedron| part.corners_m().iter().map(|corner| corner.to_array()).collect();
-        let parts = || self.body.polyhedra().iter().map(corners).collect();
-        (self.name(), self.extents_m(), self.body.as_solid().is_none().then(parts))
+    fn __getnewargs__(&self) -> (&str, [f32; 3], Option<Vec<Corners>>, Option<PlainMesh>) {
+        let plain = |corners_m: &[Vec3]| corners_m.iter().map(|corner| corner.to_array()).collect::<Corners>();
+        let parts = || self.body.polyhedra().iter().map(|part| plain(part.corners_m())).collect();
+        let mesh = self.body.mesh().map(|mesh| (plain(mesh.corners_m()), mesh.triangles().to_vec()));
+        (self.name(), self.extents_m(), self.body.as_solid().is_none().then(parts), mesh)
     }
 
     /// One of the four primitive shapes.
@@ -205,8 +211,14 @@ impl Body {
             let [low, high] = schema::bounds_m(parts.hulls.iter().flat_map(|hull| hull.corners_m()));
             let part = |hull| Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY };
             let body = simulator::Body::of_parts(name.clone(), parts.hulls.into_iter().map(part).collect());
-            let body = body.map_err(|error| refused(error.to_string()))?;
-            Ok(Self { body, centre_m: 0.5 * (low + high), off_m: parts.filled_m.max(parts.simplified_m) })
+            let (body, centre_m) = (body.map_err(|error| refused(error.to_string()))?, 0.5 * (low + high));
+            // What is to be its hull is seen as that.
+            let mesh = (parts_max > 1).then(|| {
+                let corners: Vec<Vec3> = corners.iter().map(|corner_m| *corner_m - centre_m).collect();
+                TriangleMesh::new(&corners, triangles).map(Arc::new)
+            });
+            let body = body.with_mesh(mesh.transpose().map_err(refused)?);
+            Ok(Self { body, centre_m, off_m: parts.filled_m.max(parts.simplified_m) })
         };
         Apart::start(0, move |_, _| made())?.next(py)
     }

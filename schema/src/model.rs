@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Polyhedron, ShapeKind, Solid, Vec3, bounds_m};
+use crate::{Polyhedron, ShapeKind, Solid, TriangleMesh, Vec3, bounds_m};
 
-/// An object of convex parts. Everything that physics takes from it stands here, so that a dataset needs no other file.
+/// An object of convex parts. All that physics and cameras take from it stands here: a dataset needs no other file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Model {
@@ -22,6 +22,9 @@ pub struct Model {
     pub volume_m3: f32,
     /// The convex parts.
     pub parts: Vec<ModelPart>,
+    /// The surface that cameras see in place of the parts, in the object's frame, if it is of a mesh.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<Arc<TriangleMesh>>,
 }
 
 /// The convex hull of its corners.
@@ -241,6 +244,7 @@ mod tests {
             extents_m: Vec3::new(0.04, 0.06, 0.02),
             volume_m3: 8e-6,
             parts: vec![ModelPart { corners_m: corners.map(Vec3::from_array).to_vec() }],
+            mesh: None,
         }
     }
 

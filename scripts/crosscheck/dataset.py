@@ -15,7 +15,7 @@ from .contract import OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene,
 from .hull import Hull
 from .pose import Pose
 
-FORMAT_VERSIONS = (1, 2, 3, 4, 5)
+FORMAT_VERSIONS = (1, 2, 3, 4, 5, 6)
 POSE = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
 OBJECT_COLUMNS = ["scene_id", "object_id", "shape", "size_x_m", "size_y_m", "size_z_m", "mass_kg", "friction", *POSE]
 ATTEMPT_COLUMNS = ["scene_id", "attempt_id", "object_id", "shape", "rule", *POSE, "outcome", "hit", "width_m"]

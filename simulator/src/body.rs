@@ -1,11 +1,12 @@
 //! The shape of an object: one of the four solids, or several rigidly joined convex parts.
 //!
 //! Objects that are not convex, such as a bottle with a nozzle, a ring of tape or a cup, consist of convex parts.
-//! Physics, rays and collision tests use the same parts, so an object has one shape.
+//! Physics and collision tests use the same parts. Rays do, too, unless the object is of a mesh: then they meet the
+//! mesh, which the parts were made of.
 
 use std::sync::Arc;
 
-use schema::{Model, ModelPart, Polyhedron, Pose, Solid, Vec3, bounds_m};
+use schema::{Model, ModelPart, Polyhedron, Pose, Solid, TriangleMesh, Vec3, bounds_m};
 
 use crate::convex_hull::convex_hull;
 
@@ -15,7 +16,11 @@ const SHIFT_M_MIN: f32 = 1e-7;
 /// The shape of an object: a solid, or convex parts that are rigidly joined. The origin of its frame is the centre of
 /// its bounding box.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Body(Arc<Shape>);
+pub struct Body {
+    shape: Arc<Shape>,
+    /// What cameras see in place of the parts.
+    mesh: Option<Arc<TriangleMesh>>,
+}
 
 #[derive(Debug, PartialEq)]
 struct Shape {
@@ -100,62 +105,75 @@ impl Body {
         }
         let polyhedra = polyhedra(&parts);
         let radius_m = corners_m(&polyhedra).map(|c| c.length()).fold(0.0, f32::max);
-        Ok(Self(Arc::new(Shape { name, solid: None, parts, polyhedra, extents_m: high - low, radius_m })))
+        let shape = Shape { name, solid: None, parts, polyhedra, extents_m: high - low, radius_m };
+        Ok(Self { shape: Arc::new(shape), mesh: None })
+    }
+
+    /// The body with a surface, in its frame, that cameras see in place of its parts.
+    #[must_use]
+    pub fn with_mesh(self, mesh: Option<Arc<TriangleMesh>>) -> Self {
+        Self { mesh, ..self }
+    }
+
+    /// The surface that cameras see in place of its parts, in the object's frame, if it has one.
+    #[must_use]
+    pub fn mesh(&self) -> Option<&Arc<TriangleMesh>> {
+        self.mesh.as_ref()
     }
 
     /// The parts, in the object's frame.
     #[must_use]
     pub fn parts(&self) -> &[Part] {
-        &self.0.parts
+        &self.shape.parts
     }
 
     /// The name of the compound, or of the solid's kind.
     #[must_use]
     pub fn name(&self) -> &str {
-        &self.0.name
+        &self.shape.name
     }
 
     /// The solid, if it is one.
     #[must_use]
     pub fn as_solid(&self) -> Option<Solid> {
-        self.0.solid
+        self.shape.solid
     }
 
     /// Its convex parts, in the object's frame.
     #[must_use]
     pub fn polyhedra(&self) -> &[Polyhedron] {
-        &self.0.polyhedra
+        &self.shape.polyhedra
     }
 
     /// The corners of all parts, in the object's frame, in metres.
     #[must_use]
     pub fn vertices_m(&self) -> Vec<Vec3> {
-        corners_m(&self.0.polyhedra).copied().collect()
+        corners_m(&self.shape.polyhedra).copied().collect()
     }
 
     /// Full lengths of the bounding box along the object's axes, in metres.
     #[must_use]
     pub fn extents_m(&self) -> Vec3 {
-        self.0.extents_m
+        self.shape.extents_m
     }
 
     /// Volume in cubic metres: the sum over the parts.
     #[must_use]
     pub fn volume_m3(&self) -> f32 {
-        self.0.parts.iter().map(|part| part.shape.volume_m3()).sum()
+        self.shape.parts.iter().map(|part| part.shape.volume_m3()).sum()
     }
 
     /// Radius of a bounding ball about the object frame's origin, in metres.
     #[must_use]
     pub fn bounding_radius_m(&self) -> f32 {
-        self.0.radius_m
+        self.shape.radius_m
     }
 
     /// Signed distance in metres of a point to the nearest part, where the distance to a part is that to its farthest
     /// face: 0 on the surface, negative inside. Beside an edge this is less than the distance to the edge.
     #[must_use]
     pub fn distance_outside_m(&self, point_m: Vec3) -> f32 {
-        self.0.polyhedra.iter().map(|part| outside_m(part, point_m)).fold(f32::INFINITY, f32::min)
+        self.shape.polyhedra.iter().map(|part| outside_m(part, point_m)).fold(f32::INFINITY, f32::min)
     }
 }
 
@@ -176,7 +194,13 @@ impl Body {
             Ok(Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY })
         };
         let parts = model.parts.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
-        Self::of_parts(name, parts).map_err(|e| BodyError(format!("model {name}: {e}")))
+        let body = Self::of_parts(name, parts).map_err(|e| BodyError(format!("model {name}: {e}")))?;
+        let shift_m = body.parts()[0].object_from_part.translation;
+        let moved = |mesh: &Arc<TriangleMesh>| match shift_m == Vec3::ZERO {
+            true => mesh.clone(),
+            false => Arc::new(mesh.moved(shift_m)),
+        };
+        Ok(body.with_mesh(model.mesh.as_ref().map(moved)))
     }
 
     /// The model that a dataset stores for a catalogue's body, and from which [`Self::of_model`] makes the body again.
@@ -191,6 +215,7 @@ impl Body {
             extents_m: self.extents_m(),
             volume_m3: self.volume_m3(),
             parts: self.polyhedra().iter().map(|part| ModelPart { corners_m: part.corners_m().to_vec() }).collect(),
+            mesh: self.mesh.clone(),
         };
         // From the stored values, not from the original ones: the last digits may differ.
         let again = Self::of_model(&model)?;
@@ -210,14 +235,15 @@ pub fn bodies_of(models: &[Arc<Model>]) -> Result<Vec<Body>, BodyError> {
 
 impl From<Solid> for Body {
     fn from(solid: Solid) -> Self {
-        Self(Arc::new(Shape {
+        let shape = Shape {
             name: solid.kind.name().to_owned(),
             solid: Some(solid),
             parts: vec![Part { shape: PartShape::Solid(solid), object_from_part: Pose::IDENTITY }],
             polyhedra: vec![Polyhedron::from(&solid)],
             extents_m: solid.extents_m,
             radius_m: solid.bounding_radius_m(),
-        }))
+        };
+        Self { shape: Arc::new(shape), mesh: None }
     }
 }
 

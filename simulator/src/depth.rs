@@ -2,31 +2,41 @@
 //!
 //! A convex part is an intersection of half-spaces, so a ray hits it where it has entered all of them and left none.
 //! This takes a few multiplications per face, is exact, and uses the same faceted shapes as the physics. A ray is cast
-//! only for a requested pixel, so the TSDF costs a fraction of a rendered image.
+//! only for a requested pixel, so the TSDF costs a fraction of a rendered image. Objects of meshes are drawn whole, once
+//! a view.
 
-use schema::{Camera, DepthImage, Intrinsics, Plane, Polyhedron, Pose, Vec3};
+use std::sync::Arc;
+
+use schema::{Camera, DepthImage, Intrinsics, Plane, Polyhedron, Pose, TriangleMesh, Vec3};
 use wide::f32x4;
 
-use crate::Scene;
+use self::triangles::Canvas;
+use crate::{Scene, SceneObject};
+
+mod triangles;
 
 /// A scene prepared for ray casting.
 #[derive(Debug, Clone)]
 pub struct SceneRays {
     table_z_m: f32,
-    /// The fixtures and the parts of all objects, in the workspace.
+    /// The fixtures and the parts of all objects without a mesh, in the workspace.
     parts: Vec<Polyhedron>,
+    /// The meshes of the others, and their poses in the workspace.
+    meshes: Vec<(Arc<TriangleMesh>, Pose)>,
 }
 
 impl SceneRays {
     /// Prepares a scene for ray casting.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
-        let parts = scene.objects.iter().flat_map(|object| {
+        let parts = scene.objects.iter().filter(|object| object.body.mesh().is_none()).flat_map(|object| {
             let pose = object.workspace_from_object;
             object.body.polyhedra().iter().map(move |part| part.moved(&pose))
         });
         let parts = scene.fixtures.iter().cloned().chain(parts).collect();
-        Self { table_z_m: scene.table_z_m, parts }
+        let mesh = |object: &SceneObject| Some((Arc::clone(object.body.mesh()?), object.workspace_from_object));
+        let meshes = scene.objects.iter().filter_map(mesh).collect();
+        Self { table_z_m: scene.table_z_m, parts, meshes }
     }
 
     /// The rays of one camera.
@@ -39,7 +49,12 @@ impl SceneRays {
             faces: part.planes().map(face).collect(),
         });
         let table = face(Plane { normal: Vec3::Z, offset_m: self.table_z_m });
-        ViewRays { intrinsics: camera.intrinsics, table, parts: parts.collect() }
+        let meshes = (!self.meshes.is_empty()).then(|| {
+            let mut canvas = Canvas::new(&camera.intrinsics);
+            self.meshes.iter().for_each(|(mesh, pose)| canvas.draw(mesh, &(camera_from_workspace * *pose)));
+            canvas
+        });
+        ViewRays { intrinsics: camera.intrinsics, table, parts: parts.collect(), meshes }
     }
 
     /// The whole depth image.
@@ -66,6 +81,7 @@ pub struct ViewRays {
     intrinsics: Intrinsics,
     table: Plane,
     parts: Vec<SeenPart>,
+    meshes: Option<Canvas>,
 }
 
 #[derive(Debug, Clone)]
@@ -139,6 +155,10 @@ impl ViewRays {
                     nearest = may_see.bitselect(enter(&part.faces, ray, nearest), nearest);
                 }
             }
+            if let Some(meshes) = &self.meshes {
+                let met = [0, 1, 2, 3].map(|lane| meshes.depth_m(pixels.get(lane).copied().unwrap_or(pixels[0])));
+                nearest = nearest.fast_min(f32x4::new(met));
+            }
             depths_m.copy_from_slice(&nearest.to_array()[..depths_m.len()]);
         }
     }
@@ -178,7 +198,6 @@ mod tests {
     use schema::{Intrinsics, Pose, Purpose, ShapeKind, Solid, Stream};
 
     use super::*;
-    use crate::SceneObject;
     use crate::faceted::shape_of;
 
     fn scene_of_all_shapes() -> Scene {

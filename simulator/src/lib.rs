@@ -7,10 +7,10 @@
 //! - [`settle`] drops objects into a temporary box until they rest and returns their poses: a [`Scene`].
 //! - [`AttemptWorld::execute`] executes one grasp of a free-floating parallel jaw in that scene and returns the
 //!   outcome; [`AttemptWorld::execute_watched`] does the same and reports every step to a [`Watcher`].
-//! - [`SceneRays`] casts the rays of a depth camera at the same faceted shapes that the physics uses.
+//! - [`SceneRays`] casts the rays of a depth camera at the same faceted shapes that the physics uses, or at a mesh.
 //!
 //! An object's shape is a [`Body`]: one of the four solids, or a compound of convex parts, which [`convex_parts`] makes
-//! of a mesh.
+//! of a mesh, and which may keep that mesh for cameras.
 //!
 //! Every result is a pure function of its arguments. A world is always rebuilt from poses, and nothing runs in parallel
 //! inside a world.

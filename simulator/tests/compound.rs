@@ -2,9 +2,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+use std::sync::Arc;
+
 use schema::{
-    Camera, Engine, Grid, Gripper, Intrinsics, Outcome, Pose, Procedure, Purpose, Quat, ShapeKind, Solid, Stream, Vec3,
-    axis_angle,
+    Camera, Engine, Grid, Gripper, Intrinsics, Outcome, Polyhedron, Pose, Procedure, Purpose, Quat, ShapeKind, Solid,
+    Stream, TriangleMesh, Vec3, axis_angle,
 };
 use simulator::{
     AttemptWorld, Body, Execution, Gate, Part, PartShape, Physics, Scene, SceneObject, SceneRays, SettleParams,
@@ -147,6 +149,39 @@ fn what_is_cut_or_wrapped_looks_the_same() {
             let differ = plain.iter().zip(&other).filter(|(a, b)| (**a - **b).abs() > 2e-6).count();
             assert!(differ <= 1, "{differ} pixels differ");
         }
+    }
+}
+
+/// A mesh is what is seen, and the parts are what is touched, also after a dataset stored both.
+#[test]
+fn a_mesh_is_seen_in_place_of_the_parts_and_does_nothing_else() {
+    let smaller = cuboid(0.5 * BOX_M);
+    let skin = Polyhedron::from(&smaller);
+    let triangles = skin.faces().iter().flat_map(|face| face.triangles().map(|t| t.map(|corner| corner as u32)));
+    let mesh = TriangleMesh::new(skin.corners_m(), triangles.collect()).unwrap();
+    let bare = boxes(&[(BOX_M, Vec3::ZERO)]);
+    let clad = bare.clone().with_mesh(Some(Arc::new(mesh)));
+    let again = Body::of_model(&clad.to_model(0.1, 1.0).unwrap()).unwrap();
+    assert_eq!(again.mesh(), clad.mesh());
+    let pose = Pose::from_parts(Vec3::new(0.15, 0.15, 0.12), axis_angle(Vec3::ONE.normalize(), 0.7));
+    let camera = looking(Vec3::new(0.3, -0.1, 0.4), pose.translation);
+    let image = |bodies: &[&Body]| {
+        let objects = bodies.iter().map(|body| object((*body).clone(), 0.1, pose)).collect();
+        SceneRays::new(&Scene { table_z_m: TABLE_Z_M, fixtures: Vec::new(), objects }).render(&camera).depth_m
+    };
+    let differ = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| (**a - **b).abs() > 2e-6).count();
+    let (seen, expected) = (image(&[&clad]), image(&[&smaller.into()]));
+    assert!(differ(&seen, &expected) <= 1 && differ(&seen, &image(&[])) > 50, "it is seen");
+    assert_eq!(image(&[&again]), seen);
+    // Whatever is nearer is seen, whether it has a mesh or not.
+    assert!(differ(&image(&[&clad, &bare]), &image(&[&bare])) == 0 && differ(&seen, &image(&[&bare])) > 50);
+    let [with, without] =
+        [again, bare].map(|body| Gate::new(&scene_of(object(body, 0.1, pose)), &gripper(), &Procedure::PAPER));
+    let mut stream = Stream::new(24, 0, Purpose::Candidates, 0);
+    for _ in 0..200 {
+        let at = stream.point(Vec3::new(0.08, 0.08, 0.10), Vec3::new(0.22, 0.22, 0.20));
+        let grasp = Pose::from_parts(at, axis_angle(Vec3::X, PI + stream.uniform(-0.8, 0.8)));
+        assert_eq!(with.blocked(&grasp, 0), without.blocked(&grasp, 0));
     }
 }
 

@@ -86,6 +86,27 @@ def test_a_mesh_rests_where_it_falls_and_is_held():
     assert len(graspmill.Scene([box]).settle(drop=True)) == 1
 
 
+@pytest.mark.filterwarnings("ignore:.*leave its surface")
+def test_cameras_see_the_mesh_and_not_its_parts():
+    down, turn = (angle.ravel() for angle in np.meshgrid(np.linspace(0, np.pi, 49), np.linspace(0, 2 * np.pi, 97), indexing="ij"))
+    corners = 0.03 * np.stack([np.sin(down) * np.cos(turn), np.sin(down) * np.sin(turn), np.cos(down)], axis=1)
+    first = (97 * np.arange(48)[:, None] + np.arange(96)).reshape(-1, 1)
+    faces = np.concatenate([first + [0, 97, 98], first + [0, 98, 1]])
+    ball = graspmill.Object.mesh((corners, faces), (0.15, 0.15, 0.1), corners_max=8, tolerance_m=0.01)
+    camera = graspmill.Camera.look_at((0.15, 0.15, 0.6))
+    image = graspmill.Scene([ball]).render(camera)
+    u, v = np.meshgrid((np.arange(640) - 320) / 540, (np.arange(480) - 240) / 540)
+    # Rays (u, v, 1) t that meet the ball, whose centre is 0.5 m away, but for those that graze it.
+    length = u**2 + v**2 + 1
+    inside = 0.5**2 - length * (0.5**2 - 0.03**2)
+    within = inside > 1e-4
+    assert within.sum() > 2000
+    assert np.abs(image[within] - ((0.5 - np.sqrt(inside[within])) / length[within])).max() < 2e-4
+    assert np.array_equal(graspmill.Scene([pickle.loads(pickle.dumps(ball))]).render(camera), image)
+    hull = graspmill.Object.mesh((corners, faces), (0.15, 0.15, 0.1), corners_max=8, parts_max=1)
+    assert np.abs(graspmill.Scene([hull]).render(camera)[within] - image[within]).max() > 1e-3
+
+
 def test_depth_images_and_tsdf_are_those_of_the_generator(dataset):
     camera = graspmill.Camera.look_at((0.15, 0.15, 0.6))
     depth = scene.render(camera)

@@ -41,6 +41,7 @@ pub fn grasp_replays<T: Send>(
         extents_m: set.extents_m,
         volume_m3: set.parts.iter().map(schema::Polyhedron::volume_m3).sum(),
         parts: set.parts.iter().map(part).collect(),
+        mesh: None,
     };
     let body = Body::of_model(&model).map_err(|error| Failure::new(ExitCode::Data, error.to_string()))?;
     let [low_m, high_m] = bounds_m(set.parts.iter().flat_map(|part| part.corners_m()));

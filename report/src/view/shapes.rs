@@ -193,6 +193,7 @@ mod tests {
             extents_m: Vec3::splat(0.1),
             volume_m3: 5e-4,
             parts: vec![ModelPart { corners_m: corners.clone() }],
+            mesh: None,
         };
         let shape = ObjectShape::Model { number: 0, model: Arc::new(model) };
         let [ball] = <[Polyhedron; 1]>::try_from(shape.parts()).unwrap();

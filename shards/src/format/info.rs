@@ -60,7 +60,7 @@ pub const SHARDS_MAX: u32 = 100_000;
 /// Maximum resolution of a TSDF along a side.
 pub const RESOLUTION_MAX: usize = 128;
 /// The newest version of the format that this program reads.
-const VERSION_MAX: u32 = 5;
+const VERSION_MAX: u32 = 6;
 /// Maximum number of attempts of a dataset.
 pub const ATTEMPTS_MAX: u64 = 1_000_000_000_000;
 
@@ -161,7 +161,8 @@ impl DatasetInfo {
     #[must_use]
     pub fn version(&self) -> u32 {
         let Form { has_grippers, has_containers, has_repeats, .. } = self.form();
-        let needed = [(has_repeats, 5), (has_containers, 4), (has_grippers, 3), (!self.models.is_empty(), 2)];
+        let (has_models, has_meshes) = (!self.models.is_empty(), self.models.iter().any(|model| model.mesh.is_some()));
+        let needed = [(has_meshes, 6), (has_repeats, 5), (has_containers, 4), (has_grippers, 3), (has_models, 2)];
         needed.into_iter().find(|(is_needed, _)| *is_needed).map_or(1, |(_, version)| version)
     }
 
@@ -373,7 +374,7 @@ mod tests {
         let told = |version: u32| {
             DatasetInfo::from_json(format!("{{\"format_version\": {version}, \"brand_new\": true}}")).unwrap_err()
         };
-        assert_eq!(told(6), "format_version must be between 1 and 5, got 6; read it with a newer graspmill");
-        assert_eq!(told(0), "format_version must be between 1 and 5, got 0; no graspmill wrote that");
+        assert_eq!(told(7), "format_version must be between 1 and 6, got 7; read it with a newer graspmill");
+        assert_eq!(told(0), "format_version must be between 1 and 6, got 0; no graspmill wrote that");
     }
 }

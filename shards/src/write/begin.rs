@@ -9,6 +9,8 @@ use crate::{DatasetInfo, Draft, Location, Table};
 
 /// Maximum number of reported differences.
 const DIFFERENCES_MAX: usize = 4;
+/// Ends of paths to values that are too long to be told.
+const LONG: [&str; 4] = [".corners_m", ".mesh", ".corners_100nm", ".triangles"];
 
 impl Draft {
     /// Publishes `meta/info.json`, or finds an equal one.
@@ -105,7 +107,7 @@ fn compare(path: &str, existing: &Value, asked: &Value, found: &mut Vec<String>)
                 compare(&format!("{path}[{place}]"), a, b, found);
             }
         }
-        (Value::Array(_), Value::Array(_)) if path.ends_with(".corners_m") => found.push(path.to_owned()),
+        _ if LONG.iter().any(|key| path.ends_with(key)) => found.push(path.to_owned()),
         (a, b) => found.push(format!("{path} ({a} there, {b} asked for)")),
     }
 }

@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use schema::{Approach, AttemptRecord, Model, ModelPart, ObjectShape, Rule, SceneRows, Vec3, along_normal};
+use schema::{
+    Approach, AttemptRecord, Model, ModelPart, ObjectShape, Rule, SceneRows, TriangleMesh, Vec3, along_normal,
+};
 use shards::{Dataset, DatasetInfo, Draft, Finalized, verify};
 
 use crate::synthetic;
@@ -22,6 +24,7 @@ fn models() -> Vec<Arc<Model>> {
         extents_m: Vec3::new(0.04, 0.06, 0.02),
         volume_m3: 8e-6,
         parts: vec![ModelPart { corners_m: wedge.map(Vec3::from_array).to_vec() }],
+        mesh: None,
     };
     let halves = Model {
         name: "halves".to_owned(),
@@ -30,6 +33,7 @@ fn models() -> Vec<Arc<Model>> {
         extents_m: Vec3::new(0.06, 0.04, 0.04),
         volume_m3: 0.06 * 0.04 * 0.04,
         parts: [half(-0.03, 0.01), half(0.01, 0.03)].map(|corners_m| ModelPart { corners_m }).into(),
+        mesh: None,
     };
     vec![Arc::new(wedge), Arc::new(halves)]
 }
@@ -96,6 +100,32 @@ fn rows_and_models_come_back_as_they_were() {
             assert_eq!(dataset.read_scene(rows.scene.scene_id).unwrap(), rows);
         }
     }
+}
+
+/// Older programs would show cameras the parts.
+#[test]
+fn a_mesh_comes_back_and_needs_a_version_of_its_own() {
+    let mut info = info();
+    let corners = [[-0.02, -0.03, -0.01], [0.020_000_1, 0.03, -0.01], [0.0, 0.0, 0.012_345_6]];
+    let mesh = TriangleMesh::new(&corners.map(Vec3::from_array), vec![[0, 1, 2]]).unwrap();
+    Arc::make_mut(&mut info.models[0]).mesh = Some(Arc::new(mesh));
+    let told = DatasetInfo::from_json(info.to_json()).unwrap_err();
+    assert!(told.contains("format_version must be 6, the lowest that describes the dataset, got 2"), "{told}");
+    info.format_version = 6;
+    let dir = tempfile::tempdir().unwrap();
+    write(dir.path(), &info);
+    assert!(verify(dir.path(), |_| ()).unwrap().is_ok());
+    assert_eq!(Dataset::open(dir.path()).unwrap().info(), &info);
+    let mut other = info.clone();
+    let mesh = TriangleMesh::new(&corners.map(|x_m| Vec3::from_array(x_m) * 0.5), vec![[0, 1, 2]]).unwrap();
+    Arc::make_mut(&mut other.models[0]).mesh = Some(Arc::new(mesh));
+    let told = Draft::begin(dir.path(), &other).unwrap_err().to_string();
+    assert!(told.contains("differs in models[0].mesh.corners_100nm: "), "{told}");
+    let text = info.to_json();
+    let broken = text.replace("\"triangles\": \"0 1 2\"", "\"triangles\": \"0 1 3\"");
+    assert!(text.contains("\"corners_100nm\": \"-200000 -300000 -100000 200001 ") && broken != text, "{text}");
+    let told = DatasetInfo::from_json(broken).unwrap_err();
+    assert!(told.contains("a mesh's triangles must name its 3 corners from 0, got 3"), "{told}");
 }
 
 #[test]
