@@ -5,11 +5,15 @@
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
+use std::io::{self, ErrorKind};
 use std::path::Path;
+use std::sync::Arc;
 
-use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
+use schema::{Pose, ShapeKind, Solid, TriangleMesh, Vec3, axis_angle, pose_from_parts};
 use serde::Deserialize;
 use simulator::{Body, Part, PartShape, convex_hull};
+
+use crate::mesh_file::BYTES_MAX;
 
 /// The built-in catalogues, as they lie in `configs/objects`: as text, or compressed by zstd.
 const BUILT_IN: [(&str, &[u8]); 3] = [
@@ -75,6 +79,7 @@ struct RawObject {
     friction: f32,
     #[serde(rename = "source")]
     _source: String,
+    mesh: Option<TriangleMesh>,
     part: Vec<RawPart>,
 }
 
@@ -110,7 +115,8 @@ impl Catalogue {
     /// A message with everything that is wrong.
     pub fn read(path: &Path) -> Result<Self, String> {
         let unread = |error| format!("failed to read the objects: {error}: {}", path.display());
-        Self::parse(&settings::read_text(path).map_err(unread)?, path)
+        let text = |bytes| String::from_utf8(bytes).map_err(|error| io::Error::new(ErrorKind::InvalidData, error));
+        Self::parse(&program::read(path, BYTES_MAX).and_then(text).map_err(unread)?, path)
     }
 
     /// Parses a catalogue; `path` is for messages.
@@ -185,6 +191,8 @@ fn thing(object: &RawObject) -> Result<CatalogueObject, String> {
     let first_m = parts.first().map_or(Vec3::ZERO, |part| part.object_from_part.translation);
     let body = Body::of_parts(object.name.clone(), parts).map_err(|e| e.to_string())?;
     let origin_m = first_m - body.parts()[0].object_from_part.translation;
+    let mesh = object.mesh.as_ref().map(|mesh| Arc::new(mesh.moved(-origin_m)));
+    let body = body.with_mesh(mesh);
     Ok(CatalogueObject { body, mass_kg: object.mass_kg, friction: object.friction, origin_m })
 }
 
@@ -224,13 +232,15 @@ pub(crate) fn ellipsoid(size_m: Vec3) -> Vec<Vec3> {
     spiral.chain(ends).map(|point| 0.5 * size_m * point).collect()
 }
 
-/// An object of hulls as an entry of a catalogue; corners in metres have at most so many decimals.
+/// An object of hulls as an entry of a catalogue, with what cameras see if it is a mesh; corners of hulls, in metres,
+/// have at most so many decimals.
 #[must_use]
 pub fn object_text<'a>(
     name: &str,
     mass_kg: f64,
     friction: f32,
     source: String,
+    mesh: Option<&TriangleMesh>,
     parts: impl Iterator<Item = &'a [Vec3]>,
     decimals: usize,
 ) -> String {
@@ -241,6 +251,9 @@ pub fn object_text<'a>(
         text,
         "\n[[object]]\nname = \"{name}\"\nmass_kg = {mass_kg:?}\nfriction = {friction:?}\nsource = {source}\n"
     );
+    if let Some(mesh) = mesh.and_then(|mesh| toml::to_string(mesh).ok()) {
+        let _ = write!(text, "\n[object.mesh]\n{mesh}");
+    }
     for corners_m in parts {
         text +=
             "\n[[object.part]]\nshape = \"hull\"\nat_m = [0.0, 0.0, 0.0]\nturn_deg = [0.0, 0.0, 0.0]\ncorners_m = [\n";
@@ -303,6 +316,26 @@ mod tests {
         assert!(body.distance_outside_m(head) < 0.0 && body.distance_outside_m(-head) > 0.0);
         assert_eq!(catalogue.find("two").unwrap().len(), 2);
         assert!(catalogue.find("three").is_none());
+    }
+
+    /// Cameras see the mesh where the file has it, whatever the parts' middle is.
+    #[test]
+    fn a_mesh_lies_where_the_file_says_and_is_written_as_it_is_read() {
+        let corners_m = [Vec3::ZERO, Vec3::new(0.04, 0.0, 0.0), Vec3::new(0.0, 0.04, 0.0), Vec3::new(0.0, 0.0, 0.06)];
+        let mesh = TriangleMesh::new(&corners_m, vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
+        let source = "a test".to_owned();
+        let text = object_text("wedge", 0.1, 0.5, source, Some(&mesh), [&corners_m[..]].into_iter(), 7);
+        let catalogue = Catalogue::parse(&text, Path::new("objects.toml")).unwrap();
+        let thing = &catalogue.objects()[0];
+        assert_eq!(thing.origin_m, Vec3::new(0.02, 0.02, 0.03));
+        let [found, parts] = [thing.body.mesh().unwrap().corners_m(), thing.body.polyhedra()[0].corners_m()];
+        for corner_m in corners_m {
+            let is_there = |of: &[Vec3]| of.iter().any(|m| (*m + thing.origin_m - corner_m).length() < 2e-7);
+            assert!(is_there(found) && is_there(parts), "{corner_m}: {found:?}, {parts:?}");
+        }
+        let broken = text.replace("1 2 3\"", "1 2 4\"");
+        let told = Catalogue::parse(&broken, Path::new("objects.toml")).unwrap_err();
+        assert!(told.contains("a mesh's triangles must name its 4 corners from 0, got 4"), "{told}");
     }
 
     #[test]

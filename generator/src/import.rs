@@ -1,11 +1,12 @@
-//! Objects from meshes: each mesh is measured, decomposed into convex parts, measured again, dropped some times, and
-//! written to a catalogue.
+//! Objects from meshes: each mesh is measured, simplified for cameras, decomposed into convex parts, measured again,
+//! dropped some times, and written to a catalogue.
 //!
 //! The mass properties of a watertight mesh are exact, but the physics uses its parts. Both are reported side by side,
 //! with warnings about anything unusual. A file that cannot be used is listed with the reason, and the others go on.
 
 mod described;
 mod drops;
+mod simplified;
 mod source;
 mod summary;
 mod units;
@@ -19,11 +20,12 @@ use std::path::{Path, PathBuf};
 use glamx::DSymmetricEigen3;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{HullError, MODELS_MAX, MassIntegrals};
+use schema::{HullError, MODELS_MAX, MassIntegrals, TriangleMesh};
 use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
 use self::drops::rested;
+use self::simplified::simplified;
 use self::summary::{catalogue_text, scene_warnings, warnings};
 use self::units::{Own, guessed_scale_m, own_values};
 use crate::catalogue::{Catalogue, MASS_KG};
@@ -190,6 +192,9 @@ impl Import<'_> {
     fn object(&self) -> Result<(ImportedObject, String), Failure> {
         let file = &self.source.file;
         let (measured, mass_kg) = self.measured()?;
+        // An object that is to be its hull is seen as that.
+        let mesh = (self.params.hulls_max > 1).then(|| simplified(&measured.mesh, measured.middle_m)).transpose();
+        let mesh = mesh.map_err(|error| damaged(&error, file))?;
         let made = |share: f64| {
             let params = PartsParams {
                 parts_max: self.params.hulls_max.into(),
@@ -199,7 +204,7 @@ impl Import<'_> {
             let cut = || convex_parts(&measured.corners_m, &measured.mesh.triangles, &params);
             // The hull library panics on some scans; cut elsewhere, they have hulls.
             match catch_unwind(AssertUnwindSafe(cut)) {
-                Ok(Ok(parts)) => self.with_parts(&measured, mass_kg, &parts),
+                Ok(Ok(parts)) => self.with_parts(&measured, mass_kg, &parts, mesh.as_ref()),
                 Ok(Err(error)) => Err(damaged(&error.to_string(), file)),
                 Err(_) => Err(damaged("it cannot be decomposed, because a hull could not be made", file)),
             }
@@ -242,6 +247,7 @@ impl Import<'_> {
         measured: &Measured,
         mass_kg: Option<f64>,
         parts: &ConvexParts,
+        mesh: Option<&TriangleMesh>,
     ) -> Result<(ImportedObject, String), Failure> {
         let Self { source, params, config, .. } = self;
         let file = &source.file;
@@ -258,7 +264,7 @@ impl Import<'_> {
                 file.display()
             )));
         }
-        let text = catalogue_text(&object, parts);
+        let text = catalogue_text(&object, parts, mesh);
         let read = Catalogue::parse(&text, Path::new("the new catalogue")).map_err(|error| damaged(&error))?;
         let models = Models::of(&read).map_err(|problems| damaged(&problems.join("; ")))?;
         let (body, thing) = (&models.bodies()[0], &models.stored()[0]);

@@ -57,7 +57,7 @@ fn household(split: Split, count: usize, seed: u64) -> String {
         let mass_kg = f64::from(density_kg_m3) * volume_m3;
         let source = format!("{} {number} of seed {seed}; {name}, {density_kg_m3} kg/m3", kind.name());
         let name = format!("{}_{number:03}", kind.name());
-        text += &object_text(&name, mass_kg, friction, source, parts.iter().map(Vec::as_slice), DECIMALS);
+        text += &object_text(&name, mass_kg, friction, source, None, parts.iter().map(Vec::as_slice), DECIMALS);
     }
     text
 }

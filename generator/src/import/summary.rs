@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use schema::Polyhedron;
+use schema::{Polyhedron, TriangleMesh};
 use serde::Serialize;
 use simulator::ConvexParts;
 
@@ -133,7 +133,7 @@ pub(super) fn scene_warnings(object: &ImportedObject, config: &Config, measured:
 }
 
 /// The object as a catalogue entry. Corners are relative to the centre of the mesh's bounding box.
-pub(super) fn catalogue_text(object: &ImportedObject, parts: &ConvexParts) -> String {
+pub(super) fn catalogue_text(object: &ImportedObject, parts: &ConvexParts, mesh: Option<&TriangleMesh>) -> String {
     let state = match object.parts_volume_share {
         Some(share) => format!("parts with {:.1} % of its volume", 100.0 * share),
         None => "not watertight".to_owned(),
@@ -141,5 +141,5 @@ pub(super) fn catalogue_text(object: &ImportedObject, parts: &ConvexParts) -> St
     let file = object.file.display();
     let source = format!("{file}, {} m a unit; {} triangles; {state}", object.scale_m, object.triangles);
     let parts = parts.hulls.iter().map(Polyhedron::corners_m);
-    object_text(&object.name, object.mass_kg, object.friction, source, parts, DECIMALS)
+    object_text(&object.name, object.mass_kg, object.friction, source, mesh, parts, DECIMALS)
 }

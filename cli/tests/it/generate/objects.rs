@@ -138,6 +138,7 @@ fn meshes_are_measured_and_become_a_catalogue() {
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
     let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
     assert_eq!(catalogue.names(), ["Cube", "ell", "wedge_piece"]);
+    assert_eq!(text.matches("\n[object.mesh]\n").count(), 3, "{text}");
     // A user's changes are not overwritten, and the meshes not even read.
     let refused = program(&dir, &["objects", "import", "nowhere.obj", "--out", "my-objects.toml"]);
     check_fails(&refused, 78, &["--force replaces it", "my-objects.toml"]);
@@ -145,7 +146,8 @@ fn meshes_are_measured_and_become_a_catalogue() {
     assert!(table.contains("wedge_piece") && table.contains("warning: ell: the parts have"), "{table}");
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
     assert_eq!(text.matches("mass_kg = 0.2\nfriction = 0.5\n").count(), 3, "{text}");
-    assert_eq!(text.matches("[[object.part]]").count(), 3);
+    // What is to be its hull is seen as that.
+    assert_eq!((text.matches("[[object.part]]").count(), text.matches("[object.mesh]").count()), (3, 0));
 }
 
 #[test]
@@ -402,7 +404,10 @@ fn a_dataset_of_own_objects_is_made_verified_and_repeated_from_itself_alone() {
     let info = dataset.info();
     let images = generator::depth_images(info, &dataset.read_scene(1).unwrap()).unwrap();
     assert!(!images.is_empty() && images.iter().all(|image| image.depth_m.iter().any(|depth_m| *depth_m > 0.3)));
-    assert_eq!(info.format_version, 2);
+    assert_eq!(info.format_version, 6);
+    // What cameras see is the mesh, and the parts are near it.
+    let triangles: Vec<usize> = info.models.iter().flat_map(|model| &model.mesh).map(|m| m.triangles().len()).collect();
+    assert_eq!(triangles, [12, 20, 8]);
     let names: Vec<&str> = info.models.iter().map(|model| model.name.as_str()).collect();
     assert_eq!(names, ["Cube", "ell", "wedge_piece"]);
     let mut seen = [0; 3];
@@ -456,7 +461,7 @@ fn a_config_says_what_is_wrong_with_its_catalogue() {
     check_ok(&with("[objects]", "[objects]"));
     // Facts about primitives are not written for models.
     let info = fs::read_to_string(dir.path().join("ds/meta/info.json")).unwrap();
-    assert!(info.contains("\"format_version\": 2") && !info.contains("density_kg_m3"), "{info}");
+    assert!(info.contains("\"format_version\": 6") && !info.contains("density_kg_m3"), "{info}");
     fs::remove_dir_all(dir.path().join("ds")).unwrap();
     check_ok(&with("\"my-objects.toml\"", "\"everyday\""));
 }
