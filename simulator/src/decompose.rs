@@ -64,21 +64,31 @@ pub fn convex_parts(
     if size_m <= 0.0 {
         return Err(HullError::Flat);
     }
-    // A mesh that has no volume as a whole is refused; parts of one may be sheets.
-    let (whole, left_m) = few_cornered_hull(corners_m, params.corners_max)?;
+    let whole = || few_cornered_hull(corners_m, params.corners_max);
     if params.parts_max <= 1 {
+        let (whole, left_m) = whole()?;
         return Ok(ConvexParts { hulls: vec![whole], simplified_m: left_m, filled_m: 0.0 });
+    }
+    if !corners_m.iter().all(|corner_m| corner_m.is_finite()) {
+        return Err(HullError::Corner);
     }
     let simple_m = (FLAT_SHARE * size_m).min(SIMPLE_SHARE * params.tolerance_m);
     let mut parts = ConvexParts { hulls: Vec::new(), simplified_m: 0.0, filled_m: 0.0 };
+    let mut has_volume = false;
     for (corners_m, filled_m) in pieces::pieces(corners_m, triangles, params) {
         parts.filled_m = parts.filled_m.max(filled_m);
         let simple = |points_m: &[Vec3]| simplified(points_m, params.corners_max, simple_m).ok();
-        let made = simple(&corners_m).or_else(|| simple(&thickened(&corners_m)?));
+        let solid = simple(&corners_m);
+        has_volume |= solid.is_some();
+        let made = solid.or_else(|| simple(&thickened(&corners_m)?));
         // What has no hull with a volume is left out; the volume of the parts shows the loss.
         let Some((hull, left_m)) = made else { continue };
         parts.simplified_m = parts.simplified_m.max(left_m);
         parts.hulls.push(hull);
+    }
+    // A mesh that has no volume as a whole is refused; parts of one may be sheets.
+    if !has_volume {
+        whole()?;
     }
     if parts.hulls.is_empty() { Err(HullError::Flat) } else { Ok(parts) }
 }
@@ -162,10 +172,11 @@ fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result
         if let Ok(hull) = lasting_hull(&chosen) {
             return Ok((hull, left_m));
         }
-        let lasting = |points: Vec<Vec3>| {
-            let hull = lasting_hull(&points).ok()?;
+        let most_m = left_m.max(8.0 * tolerance_m);
+        let nearly = |points: Vec<Vec3>| {
+            let hull = convex_hull(&points).ok()?;
             let left_m = outside_m(points_m, hull.planes()).into_iter().fold(0.0, f32::max);
-            Some((hull, left_m))
+            (left_m <= most_m).then_some((hull, left_m))
         };
         let others = |one: usize| chosen.iter().enumerate().filter(move |(i, _)| *i != one).map(|(_, at)| *at);
         let without = (0..chosen.len()).map(|one| others(one).collect::<Vec<_>>());
@@ -174,8 +185,10 @@ fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result
             let mut step = || stream.point(Vec3::splat(-moved_m), Vec3::splat(moved_m));
             chosen.iter().map(|at| in_steps(*at + step())).collect::<Vec<_>>()
         });
-        let least = without.chain(moved).filter_map(lasting).min_by(|a, b| a.1.total_cmp(&b.1));
-        if let Some(least) = least.filter(|(_, least_m)| *least_m <= left_m.max(8.0 * tolerance_m)) {
+        // The one that leaves least and lasts. Whether it does takes longer to find out than what it leaves.
+        let mut hulls: Vec<(Polyhedron, f32)> = without.chain(moved).filter_map(nearly).collect();
+        hulls.sort_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some(least) = hulls.into_iter().find(|(hull, _)| lasts(hull).is_ok()) {
             return Ok(least);
         }
     }
@@ -242,14 +255,18 @@ fn outside_m(points_m: &[Vec3], planes: impl Iterator<Item = Plane>) -> Vec<f32>
     points_m.iter().map(outside).collect()
 }
 
-/// A hull that stays one when it is read again: its corners in their new order, once from a catalogue and once from a
-/// dataset, and as it is drawn. Whether almost coplanar faces are told apart depends on the order.
+/// A hull that stays one when it is read again.
 fn lasting_hull(points_m: &[Vec3]) -> Result<Polyhedron, HullError> {
     let hull = convex_hull(points_m)?;
+    lasts(&hull).map(|()| hull)
+}
+
+/// Whether a hull stays one when it is read again: its corners in their new order, once from a catalogue and once from
+/// a dataset, and as it is drawn. Whether almost coplanar faces are told apart depends on the order.
+fn lasts(hull: &Polyhedron) -> Result<(), HullError> {
     let read = convex_hull(hull.corners_m())?;
     convex_hull(read.corners_m())?;
-    Polyhedron::hull_of(read.corners_m())?;
-    Ok(hull)
+    Polyhedron::hull_of(read.corners_m()).map(drop)
 }
 
 /// The outermost points along the axes, and also along the diagonals if the former have no hull.
