@@ -4,6 +4,7 @@
 //! Physics and collision tests use the same parts. Rays do, too, unless the object is of a mesh: then they meet the
 //! mesh, which the parts were made of.
 
+use core::fmt::{self, Debug, Formatter};
 use std::sync::Arc;
 
 use schema::{Model, ModelPart, Polyhedron, Pose, Solid, TriangleMesh, Vec3, bounds_m};
@@ -15,11 +16,18 @@ const SHIFT_M_MIN: f32 = 1e-7;
 
 /// The shape of an object: a solid, or convex parts that are rigidly joined. The origin of its frame is the centre of
 /// its bounding box.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct Body {
     shape: Arc<Shape>,
     /// What cameras see in place of the parts.
     mesh: Option<Arc<TriangleMesh>>,
+}
+
+/// Without the mesh, which is long, and no part of what happens to a body.
+impl Debug for Body {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Body").field(&self.shape).finish()
+    }
 }
 
 #[derive(Debug, PartialEq)]
