@@ -2,8 +2,8 @@
 //!
 //! A convex part is an intersection of half-spaces, so a ray hits it where it has entered all of them and left none.
 //! This takes a few multiplications per face, is exact, and uses the same faceted shapes as the physics. A ray is cast
-//! only for a requested pixel, so the TSDF costs a fraction of a rendered image. Objects of meshes are drawn whole, once
-//! a view.
+//! only for a requested pixel, so the TSDF costs a fraction of a rendered image. Objects of meshes are drawn whole,
+//! once a view.
 
 use std::sync::Arc;
 

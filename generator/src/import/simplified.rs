@@ -11,8 +11,9 @@ use schema::TriangleMesh;
 
 use crate::mesh::Mesh;
 
-/// How far both surfaces may be from each other, in metres: 0.1 mm, less the rounding of corners.
-const OFF_M: f64 = 0.000_099_9;
+/// How far both surfaces may be from each other, in metres: 0.1 mm, less the rounding of corners, here and where a
+/// catalogue is read.
+const OFF_M: f64 = 0.000_099_7;
 /// Shares of that, which corners may cost one after the other: what costs least goes first.
 const SHARES: [f64; 3] = [1.0 / 16.0, 0.25, 1.0];
 /// Corners with more triangles stay.

@@ -157,7 +157,10 @@ mod tests {
                     let ray = LENS.ray([u, v]);
                     if libm::hypotf(ray.x, ray.y) < inner {
                         let depth_m = canvas.depth_m([u, v]);
-                        assert!(depth_m > 0.0 && depth_m <= z_m + 0.03, "{around}, {z_m} m: {depth_m} at {u}, {v}");
+                        assert!(
+                            depth_m > 0.0 && depth_m <= z_m + 0.030_001,
+                            "{around}, {z_m} m: {depth_m} at {u}, {v}"
+                        );
                     }
                 }
             }
