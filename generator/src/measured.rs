@@ -105,7 +105,7 @@ fn enclosed(mesh: &Mesh) -> [f64; 2] {
 /// The smallest width of points over the directions in which a hull can be narrowest: normal to a face, or to two
 /// edges.
 pub(crate) fn smallest_width_m(hull: &Polyhedron, points_m: &[Vec3]) -> f64 {
-    // Each edge is there twice, in both directions.
+    // A hull of points has each edge twice, in both directions.
     let edges: Vec<Vec3> = hull.edges_m().iter().copied().filter(|edge| edge.to_array() > [0.0; 3]).collect();
     let faces = hull.planes().map(|plane| plane.normal);
     let across = edges.iter().enumerate().flat_map(|(i, a)| edges[..i].iter().map(|b| a.cross(*b)));
