@@ -24,7 +24,8 @@
 //! ```
 //!
 //! For planning, the surface of a field becomes a cloud ([`surface_cloud`], [`normals`]). Then the table is found in
-//! the cloud ([`find_plane`]), and the remaining points are clustered into objects ([`clusters`]).
+//! the cloud ([`find_plane`]), and the remaining points are clustered into objects ([`clusters`]). A map of heights
+//! shows what stands apart ([`Pieces`]) and what is no thing: [`walls`], and what is [`Joined`] to something.
 
 mod blocks;
 mod cells;
@@ -32,10 +33,13 @@ mod cloud_view;
 mod clusters;
 mod fit;
 mod fuse;
+mod heights;
+mod joined;
 mod level;
 mod noise;
 mod normals;
 mod plane;
+mod rim;
 mod seen;
 mod sensor;
 mod surface;
@@ -49,10 +53,13 @@ pub use cells::nearest;
 pub use cloud_view::{NEAR_M, cloud_image, view_from};
 pub use clusters::{ClusterParams, clusters};
 pub use fuse::{COLUMNS_PX, Sights, fuse_images};
+pub use heights::Pieces;
+pub use joined::{Cut, Joined};
 pub use level::{TableArea, depth_factor, table_around};
 pub use noise::{DepthNoise, DexNoise, EdgeNoise, FlightNoise, Loss, StereoNoise, add_depth_noise};
 pub use normals::normals;
 pub use plane::{FoundPlane, PlaneParams, find_plane};
+pub use rim::Rim;
 pub use seen::{ScaledView, SeenPoint, seen_above};
 pub use sensor::{NoiseKind, Sensor, SensorParams};
 pub use surface::{surface_beside, surface_cloud, surface_of_blocks, thinned};

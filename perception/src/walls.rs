@@ -8,12 +8,9 @@ use core::f32::consts::{FRAC_PI_2, PI};
 
 use schema::{Vec2, Vec3};
 
+use crate::heights::{CELL_M, FLOOR_M, Heights};
 use crate::table::median;
 
-/// Side of a cell of the map of heights.
-const CELL_M: f32 = 0.004;
-/// Lower than this above the table nothing is a wall.
-const FLOOR_M: f32 = 0.008;
 /// Walls are compared up to this height above the table: of higher ones a view shows more here and less there.
 const TALL_M: f32 = 0.10;
 /// Beside a ridge it is lower by this …
@@ -133,6 +130,12 @@ impl Wall {
             && (self.is_seen || count(&is_through_board) < THROUGH_MIN)
     }
 
+    /// The ends of its upper edge, in metres.
+    #[must_use]
+    pub fn edge_m(&self) -> [Vec3; 2] {
+        self.ends_m.map(|end_m| (self.offset_m * self.inward + end_m * self.inward.perp()).extend(self.top_m))
+    }
+
     /// Whether it is but an open side, between walls of this height.
     #[must_use]
     pub fn is_open(&self) -> bool {
@@ -213,27 +216,7 @@ pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
     walls
 }
 
-/// The highest point of each cell.
-struct Heights {
-    low: Vec2,
-    counts: [usize; 2],
-    top_m: Vec<f32>,
-}
-
 impl Heights {
-    fn new(points_m: &[Vec3]) -> Self {
-        let low = points_m.iter().fold(Vec2::INFINITY, |low, p| low.min(p.truncate()));
-        let high = points_m.iter().fold(Vec2::NEG_INFINITY, |high, p| high.max(p.truncate()));
-        let counts = ((high - low) / CELL_M).to_array().map(|cells| cells as usize + 1);
-        let mut heights = Self { low, counts, top_m: vec![f32::NEG_INFINITY; counts[0] * counts[1]] };
-        for point in points_m {
-            let [x, y] = ((point.truncate() - low) / CELL_M).to_array().map(|cell| cell as usize);
-            let top_m = &mut heights.top_m[x * counts[1] + y];
-            *top_m = top_m.max(point.z);
-        }
-        heights
-    }
-
     fn at(&self, cell: Vec2) -> f32 {
         let [x, y] = cell.round().to_array();
         let is_inside = x >= 0.0 && y >= 0.0 && (x as usize) < self.counts[0] && (y as usize) < self.counts[1];
@@ -335,7 +318,7 @@ fn along(cells_m: &[Vec3], axes: [Vec2; 2], axis: usize, table_z_m: f32) -> Vec<
 }
 
 /// By how much walls of about this height differ.
-fn height_off_m(height_m: f32) -> f32 {
+pub(crate) fn height_off_m(height_m: f32) -> f32 {
     HEIGHT_OFF_M.max(HEIGHT_OFF_SHARE * height_m)
 }
 
