@@ -1,5 +1,7 @@
 //! A map of heights: the highest point over each cell of a table, and the pieces that stand apart in it.
 
+use core::f32::consts::TAU;
+
 use schema::{Vec2, Vec3};
 
 /// Side of a cell.
@@ -8,8 +10,15 @@ pub(crate) const CELL_M: f32 = 0.004;
 pub(crate) const FLOOR_M: f32 = 0.008;
 /// Cells beside each other are of one piece if their heights differ by no more than this: sides of things are steeper.
 const STEP_M: f32 = 0.012;
-/// Pieces of fewer cells are noise, or sides of what is beside them.
-pub(crate) const CELLS_MIN: usize = 8;
+/// Where an image ends its surface ends up to so many cells before.
+const BESIDE_CELLS: f32 = 3.0;
+/// Directions from a middle.
+pub(crate) const SECTORS: usize = 32;
+
+/// The direction of a place from a middle.
+pub(crate) fn sector(off: Vec2) -> usize {
+    ((libm::atan2f(off.y, off.x) / TAU + 0.5) * SECTORS as f32) as usize % SECTORS
+}
 
 /// The highest point of each cell; minus infinity where nothing was seen.
 #[derive(Debug)]
@@ -33,12 +42,12 @@ impl Heights {
         heights
     }
 
-    /// The cell at a place, so many cells further along x and y.
-    pub(crate) fn cell(&self, at: Vec2, off: [i32; 2]) -> Option<usize> {
-        let [x, y] = ((at - self.low) / CELL_M).floor().to_array();
-        let (x, y) = (x + off[0] as f32, y + off[1] as f32);
-        let is_inside = x >= 0.0 && y >= 0.0 && x < self.counts[0] as f32 && y < self.counts[1] as f32;
-        is_inside.then(|| x as usize * self.counts[1] + y as usize)
+    /// The cell at a place, or that of the map's border beside it.
+    pub(crate) fn cell(&self, at: Vec2) -> Option<usize> {
+        let last = Vec2::from_array(self.counts.map(|count| count as f32 - 1.0));
+        let along = (at - self.low) / CELL_M;
+        let [x, y] = along.clamp(Vec2::ZERO, last).to_array().map(|along| along as usize);
+        ((along - along.clamp(Vec2::ZERO, last)).abs().max_element() < BESIDE_CELLS).then_some(x * self.counts[1] + y)
     }
 
     /// The middle of a cell.

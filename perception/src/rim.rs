@@ -1,154 +1,67 @@
-//! The rim of a container whose walls lean, curve or have holes: it goes all around, is about as high everywhere, and
-//! inside of it the surface falls.
+//! The rim of a container whose walls lean, curve or have holes: a piece that goes all around, is about as high
+//! everywhere, and hollow.
 
-use core::f32::consts::TAU;
+use schema::Vec3;
 
-use schema::{Vec2, Vec3};
-
-use crate::heights::{CELL_M, FLOOR_M, Pieces};
+use crate::heights::{Pieces, SECTORS, sector};
 use crate::table::median;
 use crate::walls::height_off_m;
 
-/// Directions from the middle in which the rim is looked for; it is found in this share of them, and no further than so
-/// many from each.
-const WAYS: usize = 120;
-const SHARE_MIN: f32 = 0.75;
-const BESIDE_MAX: usize = 8;
-/// It is no lower than this, and less wide is no container.
+/// What is lower or less wide than this is no container.
 const HIGH_M_MIN: f32 = 0.03;
 const WIDE_M_MIN: f32 = 0.22;
-/// The highest cell within so many steps of a cell is the rim.
-const RIM_STEPS: usize = 7;
-/// Inside of it a wall comes in by no more steps than this, and rises nowhere by more than this …
-const DEEP_STEPS: usize = 30;
-const RISE_M: f32 = 0.004;
-/// … but may have holes of so many steps.
-const HOLE_STEPS: usize = 12;
-/// What is so far outside of the rim belongs to it.
-const OUTER_M: f32 = 0.020;
+/// The rim is about as high in so many directions from its middle …
+const ALIKE_MIN: usize = 27;
+/// … and in the middle, up to this share of the way to its ends, is no more than this share of the piece.
+const HOLLOW: f32 = 0.5;
+const INSIDE_SHARE: f32 = 0.05;
 
-/// A rim, seen from its middle.
+/// A rim, and what is joined to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rim {
-    middle: Vec2,
-    /// In each direction how far it is to where the wall ends inside, and to the rim, in metres.
-    ways_m: Vec<[f32; 2]>,
-    /// The rim, where it was seen, in metres.
+    piece: usize,
+    /// The highest places in some directions, in metres.
     pub edge_m: Vec<Vec3>,
 }
 
-impl Rim {
-    /// Whether a point above the table belongs to the wall.
-    #[must_use]
-    pub fn has(&self, point_m: Vec3) -> bool {
-        let (way, far_m) = way(point_m.truncate() - self.middle);
-        let [inner_m, outer_m] = self.ways_m[way];
-        (inner_m - CELL_M..=outer_m + OUTER_M).contains(&far_m)
-    }
-
-    /// Whether a point is outside.
-    #[must_use]
-    pub fn is_behind(&self, point_m: Vec3) -> bool {
-        let (way, far_m) = way(point_m.truncate() - self.middle);
-        far_m > self.ways_m[way][1]
-    }
-}
-
-/// The direction in which a place is from the middle, and how far.
-fn way(off: Vec2) -> (usize, f32) {
-    (((libm::atan2f(off.y, off.x) / TAU + 0.5) * WAYS as f32) as usize % WAYS, off.length())
-}
-
-/// The highest cells of pieces from a middle outwards.
-struct Profile<'a> {
-    pieces: &'a Pieces,
-    middle: Vec2,
-    steps: Vec<Option<usize>>,
-}
-
 impl Pieces {
-    /// The rim of a container, which is one piece.
+    /// The rim of a container, if there is one.
     #[must_use]
     pub fn rim(&self) -> Option<Rim> {
         (0..self.pieces.len()).find_map(|piece| self.rim_of(piece))
     }
 
-    fn rim_of(&self, own: usize) -> Option<Rim> {
-        let [low, high] = self.bounds_m(&self.pieces[own]);
+    /// Whether a point above the table belongs to a rim.
+    #[must_use]
+    pub fn is_of(&self, rim: &Rim, point_m: Vec3) -> bool {
+        self.heights.cell(point_m.truncate()).is_some_and(|cell| self.piece_of[cell] == Some(rim.piece))
+    }
+
+    fn rim_of(&self, piece: usize) -> Option<Rim> {
+        let cells = &self.pieces[piece];
+        let [low, high] = self.bounds_m(cells);
         if (high - low).min_element() < WIDE_M_MIN {
             return None;
         }
-        let (middle, count) = (0.5 * (low + high), (0.5 * (high - low).length() / CELL_M) as usize + 2);
-        let mut profiles = vec![vec![None::<usize>; count]; WAYS];
-        for cell in self.pieces.iter().flatten().copied() {
-            let (way, far_m) = way(self.heights.place_m(cell) - middle);
-            if let Some(step) = profiles[way].get_mut((far_m / CELL_M) as usize) {
-                *step = step.filter(|other| self.above_m(*other) >= self.above_m(cell)).or(Some(cell));
-            }
+        let (mut tops, mut inside) = ([None::<usize>; SECTORS], 0);
+        for cell in cells.iter().copied() {
+            let off = (self.heights.place_m(cell) - 0.5 * (low + high)) / (0.5 * (high - low));
+            let top = &mut tops[sector(off)];
+            *top = top.filter(|other| self.above_m(*other) >= self.above_m(cell)).or(Some(cell));
+            inside += usize::from(off.length() < HOLLOW);
         }
-        let of_way = |steps: Vec<Option<usize>>| Profile { pieces: self, middle, steps }.rim(own);
-        let mut ways: Vec<Option<(f32, usize)>> = profiles.into_iter().map(of_way).collect();
-        let high_m = median(ways.iter().flatten().map(|(_, rim)| self.above_m(*rim)))?;
-        for way in &mut ways {
-            *way = way.filter(|(_, rim)| (self.above_m(*rim) - high_m).abs() <= height_off_m(high_m));
-        }
-        let far_m = |rim: usize| (self.heights.place_m(rim) - middle).length();
-        let found = |way: usize| ways[way % WAYS].map(|(inner_m, rim)| [inner_m, far_m(rim)]);
-        let wide_m = (0..WAYS / 2).filter_map(|way| Some(found(way)?[1] + found(way + WAYS / 2)?[1]));
-        let is_wide = wide_m.fold(f32::INFINITY, f32::min) >= WIDE_M_MIN;
-        let edge: Vec<usize> = ways.iter().flatten().map(|(_, rim)| *rim).collect();
-        let nearest =
-            |way: usize| (0..=BESIDE_MAX).find_map(|off| found(way + off).or_else(|| found(way + WAYS - off)));
-        let ways_m: Vec<[f32; 2]> = (0..WAYS).map_while(nearest).collect();
-        let is_closed = ways_m.len() == WAYS && edge.len() as f32 >= SHARE_MIN * WAYS as f32;
-        let edge_m = edge.iter().map(|cell| self.heights.place_m(*cell).extend(self.heights.top_m[*cell])).collect();
-        (is_closed && is_wide).then_some(Rim { middle, ways_m, edge_m })
-    }
-}
-
-impl Profile<'_> {
-    fn above_m(&self, step: usize) -> f32 {
-        self.steps[step].map_or(f32::NEG_INFINITY, |cell| self.pieces.above_m(cell))
-    }
-
-    /// Whether the table was seen as far from the middle as a step, beside a cell.
-    fn is_table(&self, step: usize, rim: usize) -> bool {
-        let off = self.pieces.heights.place_m(rim) - self.middle;
-        let at = self.middle + off * ((step as f32 + 0.5) * CELL_M / off.length());
-        let cell = self.pieces.heights.cell(at, [0, 0]);
-        cell.is_some_and(|cell| self.pieces.above_m(cell).abs() <= FLOOR_M)
-    }
-
-    /// How far from the middle the wall ends inside, in metres, and the cell of the rim.
-    fn rim(&self, own: usize) -> Option<(f32, usize)> {
-        let own = |step: &usize| self.steps[*step].is_some_and(|cell| self.pieces.piece_of[cell] == Some(own));
-        let last = (0..self.steps.len()).rev().find(|step| own(step) && self.above_m(*step) >= HIGH_M_MIN)?;
-        let near = (last.saturating_sub(RIM_STEPS)..=last).filter(own);
-        let top = near.max_by(|a, b| self.above_m(*a).total_cmp(&self.above_m(*b)))?;
-        let rim = self.steps[top]?;
-        let (mut lowest_m, mut inner, mut holes, mut falls) = (self.above_m(top), top, 0, false);
-        for step in (top.saturating_sub(DEEP_STEPS)..top).rev() {
-            let above_m = self.above_m(step);
-            if above_m > lowest_m + RISE_M {
-                break;
-            }
-            if above_m.is_finite() {
-                (lowest_m, inner, holes) = (above_m.min(lowest_m), step, 0);
-                continue;
-            }
-            holes += 1;
-            falls = holes > HOLE_STEPS || self.is_table(step, rim);
-            if falls {
-                break;
-            }
-        }
-        (falls || lowest_m < 0.5 * self.above_m(top)).then_some((inner as f32 * CELL_M, rim))
+        let high_m = median(tops.iter().flatten().map(|top| self.above_m(*top)))?;
+        let is_alike = |top: &&usize| (self.above_m(**top) - high_m).abs() <= height_off_m(high_m);
+        let at_m = |top: &usize| self.heights.place_m(*top).extend(self.heights.top_m[*top]);
+        let edge_m: Vec<Vec3> = tops.iter().flatten().filter(is_alike).map(at_m).collect();
+        let is_hollow = inside as f32 <= INSIDE_SHARE * cells.len() as f32;
+        (is_hollow && high_m >= HIGH_M_MIN && edge_m.len() >= ALIKE_MIN).then_some(Rim { piece, edge_m })
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use schema::axis_angle;
+    use schema::{Vec2, axis_angle};
 
     use super::*;
 
@@ -182,12 +95,13 @@ mod tests {
         for turn_rad in [0.0, 0.7] {
             let walls = surface(turn_rad, |at| tote(1.0, at).filter(|_| !is_box(at, [0.06, 0.04])));
             let thing = surface(turn_rad, |at| is_box(at, [0.06, 0.04]).then_some(0.05));
-            let rim = Pieces::new(&[walls.clone(), thing.clone()].concat(), TABLE_M).rim().unwrap();
+            let pieces = Pieces::new(&[walls.clone(), thing.clone()].concat(), TABLE_M);
+            let rim = pieces.rim().unwrap();
             let walls: Vec<Vec3> = walls.into_iter().filter(|at| at.z > TABLE_M + 0.01).collect();
-            let share = walls.iter().filter(|at| rim.has(**at)).count() as f32 / walls.len() as f32;
+            let share = walls.iter().filter(|at| pieces.is_of(&rim, **at)).count() as f32 / walls.len() as f32;
             assert!(share > 0.97, "{share}");
-            assert!(!thing.iter().any(|at| rim.has(*at) || rim.is_behind(*at)));
-            assert!(rim.is_behind(Vec3::new(0.4, 0.0, 0.1)) && rim.edge_m.len() > 110, "{}", rim.edge_m.len());
+            assert!(!thing.iter().any(|at| pieces.is_of(&rim, *at)));
+            assert!(rim.edge_m.len() > 30 && rim.edge_m.iter().all(|at| at.z > TABLE_M + 0.05), "{:?}", rim.edge_m);
         }
     }
 

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use perception::{COLUMNS_PX, TableCandidate, find_tables, seen_above};
 use schema::{Grid, Mat3, Plane, Pose, Purpose, Quat, Stream, Vec3, pose_from_parts};
 
+use crate::doubt::border;
 use crate::input::{InputError, refuse};
 use crate::mistake::{DOWN, Place, Sight};
 use crate::observation::{FindTable, Observation, Target, View};
@@ -280,17 +281,10 @@ pub(crate) fn cut(views: &[View], [low_m, high_m]: [Vec3; 2], table_z_m: f32) ->
         let within = at.truncate().cmpge(low_m.truncate()).all() && at.truncate().cmple(high_m.truncate()).all();
         within && (table_z_m + CUT_M..high_m.z).contains(&at.z)
     };
-    let is_cut = |View { image, camera, .. }: &View| {
-        let (last_u, last_v) = (image.width_px - 1, image.height_px - 1);
-        let rows = (0..image.width_px).flat_map(|u| [[u, 0], [u, last_v]]);
-        let border = rows.chain((0..image.height_px).flat_map(|v| [[0, v], [last_u, v]]));
-        let seen = border.filter_map(|pixel| Some((pixel, image.at(pixel).filter(|depth_m| depth_m.is_finite())?)));
-        let points = seen.map(|(pixel, m)| camera.workspace_from_camera * (camera.intrinsics.ray(pixel) * m));
-        points.filter(is_thing).count() >= CUT_PX_MIN
-    };
+    let is_cut = |view: &View| border(view).iter().filter(|cut| is_thing(&cut.at_m)).count() >= CUT_PX_MIN;
     let cut: Vec<String> = (0..views.len()).filter(|at| is_cut(&views[*at])).map(|at| format!("views[{at}]")).collect();
-    let what =
-        "the border of the image cuts things within reach: where no camera looks beside them no grasp is offered";
+    let what = "the border of the image cuts things within reach: grasps of these come last or are left, and where no \
+                camera looks beside them no grasp is offered";
     if cut.is_empty() { Vec::new() } else { vec![format!("{what}: {}", cut.join(", "))] }
 }
 
@@ -298,8 +292,8 @@ pub(crate) fn cut(views: &[View], [low_m, high_m]: [Vec3; 2], table_z_m: f32) ->
 mod tests {
     use super::*;
     use crate::demo;
-    use crate::doubts;
     use crate::input::assemble;
+    use crate::plausible;
 
     #[test]
     fn the_workspace_is_put_on_the_table_that_the_first_camera_sees() {
@@ -313,8 +307,8 @@ mod tests {
         assert!((between.rotation * Vec3::Z).dot(Vec3::Z) > 0.999_99, "{between:?}");
         assert!((between * Vec3::new(0.15, 0.15, 0.05)).z - 0.05 < 1e-3, "{between:?}");
         let again = moved(&seen, &found.workspace_from_first);
-        assert_eq!(doubts::of_given(&again, &Default::default(), &Grid::PAPER, 1), Vec::<String>::new());
-        assert_eq!(doubts::of_found(&seen, &again, &found, &wanted, &Grid::PAPER, 1), Vec::<String>::new());
+        assert_eq!(plausible::of_given(&again, &Default::default(), &Grid::PAPER, 1), Vec::<String>::new());
+        assert_eq!(plausible::of_found(&seen, &again, &found, &wanted, &Grid::PAPER, 1), Vec::<String>::new());
         let nothing = Observation::Cloud { points_m: Vec::new(), eyes_m: Vec::new() };
         let error = find(&nothing, &wanted, &Grid::PAPER, 1).unwrap_err().to_string();
         assert!(error.starts_with("no table was found"), "{error}");

@@ -19,6 +19,9 @@ pub fn nearer_half_turn(rotation: Quat, workspace_from_wrist: Quat) -> Quat {
 /// the camera on it looks forward).
 pub const WRIST_DOWN: Quat = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
 
+/// What is between the fingers reaches this far beyond the tips and beside the fingers.
+const BETWEEN_MARGIN_M: f32 = 0.002;
+
 /// Boxes in the grasp frame in which points are counted.
 #[derive(Debug, Clone)]
 pub struct GripperVolume {
@@ -36,6 +39,17 @@ impl GripperVolume {
         let margin_m = gripper.clearance_m + params.margin_m;
         let swept = |b: GripperBox| b.swept_back(params.pregrasp_distance_m).grown(margin_m);
         Self::new(gripper.open_gripper().into_iter().map(swept).collect())
+    }
+
+    /// What is between the fingers of the open gripper.
+    pub(crate) fn between_fingers(gripper: &Gripper) -> Self {
+        let half_m = Vec3::new(
+            0.5 * gripper.finger_width_m + BETWEEN_MARGIN_M,
+            0.5 * gripper.opening_m_max,
+            0.5 * (gripper.finger_length_m + BETWEEN_MARGIN_M),
+        );
+        let centre_m = Vec3::new(0.0, 0.0, BETWEEN_MARGIN_M - half_m.z);
+        Self::new(vec![GripperBox { centre_m, half_m }])
     }
 
     /// These boxes.

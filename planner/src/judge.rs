@@ -32,7 +32,7 @@ impl Method for Judge {
         request: &Request<'_>,
         timings_ms: &mut Timings,
     ) -> Candidates {
-        let Request { config, options, limiter, widths } = *request;
+        let Request { config, options, limiter, widths, doubts } = *request;
         let mut stream = Stream::new(config.seed, scene, Purpose::Proposals, 0);
         // As it is offered: of a grasp and its half turn the one nearer to the wrist.
         let wrist = options.wrist();
@@ -45,15 +45,16 @@ impl Method for Judge {
         // Grasps whose tips are nearer to each other than this close on the same thing: it is no wider than the gripper
         // opens.
         let other_m = 0.5 * config.gripper.opening_m_max;
-        let mut ask = |off_m: &[Vec3]| {
+        let mut ask = |off_m: &[Vec3], is_of_things: bool| {
             let are_wanted = |candidates: &[Grasp]| {
                 let offered = |grasp: &Grasp| towards_wrist(&grasp.workspace_from_grasp, wrist);
                 let broken = limiter.broken(&candidates.iter().map(offered).collect::<Vec<_>>());
-                let is_off = |grasp: &Grasp| {
+                let is_meant = |grasp: &Grasp| {
                     let tips_m = grasp.workspace_from_grasp.translation;
                     off_m.iter().all(|failed_m| (tips_m - *failed_m).length() > other_m)
+                        && !(is_of_things && doubts.of(&grasp.workspace_from_grasp).is_some())
                 };
-                candidates.iter().zip(broken).map(|(grasp, broken)| broken.is_none() && is_off(grasp)).collect()
+                candidates.iter().zip(broken).map(|(grasp, broken)| broken.is_none() && is_meant(grasp)).collect()
             };
             let are_wanted = &are_wanted;
             let search = Search { proposals, asked, spread, previous, apart_m, about_m, are_wanted, better };
@@ -62,11 +63,13 @@ impl Method for Judge {
         let epsilon = config.detection.quality_min;
         let (judged, proposed) = timed(timings_ms, "judge", || {
             // In a container the next grasp is of another thing, if there is one: this one is heavy, slippery, or held
-            // by what nobody sees, and a second grasp of it likely fails, too.
+            // by what nobody sees, and a second grasp of it likely fails, too. What is no thing comes last.
             let off_m = if limiter.is_in_container() { &failed_m[..] } else { &[] };
-            let others = ask(off_m);
-            let is_enough = off_m.is_empty() || others.0.first().is_some_and(|best| best.quality() >= epsilon);
-            if is_enough { others } else { ask(&[]) }
+            let is_of_things = doubts.are_beside_things();
+            let others = ask(off_m, is_of_things);
+            let is_all = off_m.is_empty() && !is_of_things;
+            let is_enough = is_all || others.0.first().is_some_and(|best| best.quality() >= epsilon);
+            if is_enough { others } else { ask(&[], false) }
         });
         selected(judged, proposed, request)
     }

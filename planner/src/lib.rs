@@ -5,10 +5,9 @@
 //! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid for the network and the
 //! surface as points. Candidates come from one of two methods: the detections of a network that answers for every
 //! voxel ([`mod@voxel`]), or what a judge expects of proposed grasps. The points are segmented into table and
-//! objects ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]), and each object its grasps
-//! (`objects.rs`). [`gripper_volume`] turns the
-//! grasp towards the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a
-//! [`plan::Plan`], which is printed as JSON.
+//! objects ([`mod@segment`]). Each candidate gets its object, what speaks against it ([`Doubt`]) and its rank
+//! ([`rank`]), and each object its grasps (`objects.rs`). [`gripper_volume`] turns the grasp towards the wrist and
+//! checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`], which is printed as JSON.
 //!
 //! [`input`] reads files and requests, [`serve`] is the HTTP service.
 //!
@@ -16,7 +15,7 @@
 
 pub mod config;
 pub mod demo;
-mod doubts;
+mod doubt;
 mod frame;
 pub mod gripper_volume;
 pub mod input;
@@ -28,6 +27,7 @@ mod objects;
 mod observation;
 pub mod plan;
 mod planner;
+mod plausible;
 pub mod rank;
 mod region;
 pub mod segment;
@@ -39,6 +39,7 @@ pub mod voxel;
 mod width;
 
 pub use config::{BuiltIn, Config, Policy};
+pub use doubt::Doubt;
 pub use frame::FoundTable;
 pub use limits::WillDo;
 pub use observation::{

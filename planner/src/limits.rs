@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use perception::{Wall, nearest, walls};
+use perception::{Pieces, Rim, Wall, nearest, walls};
 use rayon::prelude::*;
 use schema::{GripperBox, Plane, Pose, Vec3};
 
@@ -26,8 +26,8 @@ const WALL_POINTS_MAX: usize = 5;
 const FACE_M: f32 = 0.008;
 /// Grasps are proposed about no more points than this.
 const ABOUT_MAX: usize = 400;
-/// What is between the fingers reaches this far beyond the tips and beside the fingers.
-const BETWEEN_MARGIN_M: f32 = 0.002;
+/// A rim of which less than this share is on straight walls is that of another container.
+const STRAIGHT_SHARE: f32 = 0.75;
 
 /// Of each of some grasps, in the workspace, whether it will do.
 pub type WillDo<'a> = dyn Fn(&[Pose]) -> Vec<bool> + Sync + 'a;
@@ -66,12 +66,6 @@ impl<'a> Limiter<'a> {
         let swept_back = |way_m| gripper.open_gripper().iter().map(|part| part.swept_back(way_m)).collect::<Vec<_>>();
         let (way_out, swept) = (swept_back(WAY_OUT_M), swept_back(collision.pregrasp_distance_m));
         let corners_m = swept.iter().flat_map(corners).collect();
-        let half_m = Vec3::new(
-            0.5 * gripper.finger_width_m + BETWEEN_MARGIN_M,
-            0.5 * gripper.opening_m_max,
-            0.5 * (gripper.finger_length_m + BETWEEN_MARGIN_M),
-        );
-        let centre_m = Vec3::new(0.0, 0.0, BETWEEN_MARGIN_M - half_m.z);
         // So that each grasp looks at few of them.
         let of_walls = [&mut walls.things_m, &mut walls.walls_m];
         for points_m in target_m.iter_mut().flatten().chain(of_walls) {
@@ -80,7 +74,7 @@ impl<'a> Limiter<'a> {
         Self {
             limits,
             corners_m,
-            between_fingers: GripperVolume::new(vec![GripperBox { centre_m, half_m }]),
+            between_fingers: GripperVolume::between_fingers(gripper),
             target_m,
             walls,
             way_out_corners_m: way_out.iter().flat_map(corners).collect(),
@@ -100,6 +94,11 @@ impl<'a> Limiter<'a> {
     /// Whether walls of a container were found.
     pub(crate) fn is_in_container(&self) -> bool {
         !self.walls.walls_m.is_empty()
+    }
+
+    /// The upper edges of these walls.
+    pub(crate) fn edges_m(&self) -> &[Vec<[f32; 3]>] {
+        &self.walls.edges_m
     }
 
     /// Of each grasp the first limit that it breaks. The caller is asked once, about all that break no other.
@@ -149,7 +148,7 @@ impl<'a> Limiter<'a> {
         if self.target_m.as_ref().is_some_and(is_of_others) {
             return Some(Limit::Target);
         }
-        let Walls { things_m, walls_m, board } = &self.walls;
+        let Walls { things_m, walls_m, board, .. } = &self.walls;
         // Who wants a wall says so. A wall takes no part in other grasps: it holds what is gripped with it.
         let closes_on_wall = || between(things_m) == 0 || between(walls_m) > WALL_POINTS_MAX;
         let is_over = |board: &Wall| self.way_out_corners_m.iter().any(|at| board.is_over(*workspace_from_grasp * *at));
@@ -218,13 +217,22 @@ pub(crate) struct Walls {
     walls_m: Vec<Vec3>,
     /// The front edge of a board over it.
     board: Option<Wall>,
+    /// The upper edges of walls, each a line of points in metres.
+    edges_m: Vec<Vec<[f32; 3]>>,
 }
 
 impl Walls {
     /// Those among the points of a surface that cameras saw.
-    pub(crate) fn among(points_m: &[Vec3], views: &[View], table_z_m: f32) -> Self {
+    pub(crate) fn among(points_m: &[Vec3], pieces: &Pieces, views: &[View], table_z_m: f32) -> Self {
         let mut walls = walls(points_m, table_z_m);
-        if walls.is_empty() {
+        let is_straight = |rim: &Rim| {
+            let straight = rim.edge_m.iter().filter(|at| walls.iter().any(|wall| wall.has(**at))).count();
+            straight as f32 >= STRAIGHT_SHARE * rim.edge_m.len() as f32
+        };
+        let rim = pieces.rim().filter(|rim| !is_straight(rim));
+        if rim.is_some() {
+            walls.clear();
+        } else if walls.is_empty() {
             return Self::default();
         }
         let eyes_m: Vec<Vec3> = views.iter().map(|view| view.camera.workspace_from_camera.translation).collect();
@@ -234,7 +242,7 @@ impl Walls {
         let is_wall = |at: &Vec3| {
             // Below a board's edge are things.
             let is_edge = board.as_ref().is_some_and(|edge| edge.has(*at) && edge.is_level_with(*at));
-            is_edge || walls.iter().any(|wall| wall.has(*at))
+            is_edge || walls.iter().any(|wall| wall.has(*at)) || rim.iter().any(|rim| pieces.is_of(rim, *at))
         };
         let (mut walls_m, mut things_m): (Vec<Vec3>, Vec<Vec3>) = off_table.partition(is_wall);
         things_m.retain(|at| !walls.iter().any(|wall| wall.is_behind(*at)));
@@ -242,7 +250,11 @@ impl Walls {
         let faces_m: Vec<Vec3> = walls.iter().flat_map(|wall| wall.face_m(table_z_m)).collect();
         let shown = nearest(&faces_m, &walls_m, FACE_M);
         walls_m.extend(faces_m.iter().zip(shown).filter(|(_, shown)| shown.is_none()).map(|(at, _)| *at));
-        Self { things_m, walls_m, board }
+        let edges_m = walls.iter().chain(&board).map(|wall| wall.edge_m().to_vec());
+        let edges_m = edges_m
+            .chain(rim.map(|rim| rim.edge_m))
+            .map(|edge| edge.iter().map(|at| at.to_array()).collect::<Vec<_>>());
+        Self { things_m, walls_m, board, edges_m: edges_m.collect() }
     }
 }
 
@@ -322,7 +334,7 @@ mod tests {
         };
         let thing_m = vec![Vec3::new(0.1, 0.2, 0.09)];
         let found = |things_m: &[Vec3], walls_m: Vec<Vec3>| {
-            let walls = Walls { things_m: things_m.to_vec(), walls_m, board: None };
+            let walls = Walls { things_m: things_m.to_vec(), walls_m, ..Walls::default() };
             let limiter = Limiter::new(&limits, &config, None, walls, &|_| true, &everything);
             (limiter.broken(&[down])[0], limiter.rejections())
         };

@@ -6,6 +6,7 @@ use grasps::ObservedScene;
 use schema::Pose;
 
 use crate::config::Config;
+use crate::doubt::Doubts;
 use crate::gripper_volume::are_alike;
 use crate::limits::Limiter;
 use crate::observation::{Limits, PlanOptions};
@@ -40,6 +41,7 @@ pub(crate) struct Request<'a> {
     pub(crate) options: &'a PlanOptions,
     pub(crate) limiter: &'a Limiter<'a>,
     pub(crate) widths: &'a Widths<'a>,
+    pub(crate) doubts: &'a Doubts,
 }
 
 impl Request<'_> {

@@ -7,6 +7,7 @@ use serde::{Serialize, Serializer};
 use settings::words;
 
 use crate::config::Policy;
+use crate::doubt::Doubt;
 use crate::frame::FoundTable;
 
 /// Version of the plan's layout as JSON.
@@ -52,6 +53,10 @@ pub struct RankedGrasp {
     pub rho_m: Option<f32>,
     /// The voxel of the detection: x, y, z; null for a judge's grasp.
     pub voxel: Option<[usize; 3]>,
+    /// Why it comes after those of which nothing is to be doubted: `no_depth`, `bent_table` or `cut_by_border`; left
+    /// out of these.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<Doubt>,
 }
 
 impl RankedGrasp {
@@ -201,6 +206,8 @@ pub enum RejectReason {
     },
     /// No turn about its approach closes on what was seen by a free way.
     NoClosing,
+    /// It would hold pixels that fly between a thing and what is behind it.
+    Flying,
     /// Beyond the requested number of grasps.
     BeyondLimit,
 }
@@ -228,6 +235,7 @@ impl RejectReason {
             Self::NoClosing => {
                 ("no_closing", "no turn about its approach closes on what was seen by a free way".into())
             }
+            Self::Flying => ("flying_points", "it holds pixels between a thing and what is behind it".into()),
             Self::BeyondLimit => ("beyond_limit", "beyond the requested number of grasps".into()),
         }
     }
@@ -240,7 +248,7 @@ pub struct DroppedCandidate {
     #[serde(skip)]
     pub reason: RejectReason,
     /// `far_from_surface`, `width`, `quality`, `not_a_number`, `suppressed`, `avoided`, `limited`, `collision`,
-    /// `no_closing` or `beyond_limit`.
+    /// `no_closing`, `flying_points` or `beyond_limit`.
     pub why: &'static str,
     /// The reason as text, with the numbers.
     pub detail: String,
@@ -377,6 +385,9 @@ pub struct Plan {
     /// The table that was found; null if that was not asked for.
     #[serde(serialize_with = "table")]
     pub table: Option<FoundTable>,
+    /// The upper edges of the walls of a container, each a line of points in metres; left out where none was found.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub walls: Vec<Vec<[f32; 3]>>,
     /// The grasps, best first.
     pub grasps: Vec<RankedGrasp>,
     /// Why there are no grasps; null if there are.

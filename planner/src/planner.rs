@@ -6,12 +6,12 @@ use std::sync::{Arc, OnceLock};
 
 use grasps::{Judge, ObservedScene};
 use network::{Architecture, DenseNetwork, VoxelParams, checkpoint};
-use perception::PlaneParams;
+use perception::{Pieces, PlaneParams};
 use program::Failure;
 use schema::{Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
 
 use crate::config::{BuiltIn, Config, Policy};
-use crate::doubts;
+use crate::doubt::{Doubt, Doubts, cuts};
 use crate::frame::{self, FoundTable};
 use crate::gripper_volume::GripperVolume;
 use crate::input::{InputError, read_file};
@@ -19,14 +19,14 @@ use crate::limits::{Limiter, Walls, WillDo, near_points, object_points, seen_poi
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::objects::{each_first, tell};
 use crate::observation::{Observation, PlanOptions, Target};
-use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, SegmentedCloud};
-use crate::rank;
+use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::segment::{Segments, segment};
 use crate::steady::put_first;
 use crate::timing::{Timings, timed};
 use crate::volume::fuse;
 use crate::voxel::VoxelMethod;
 use crate::width::Widths;
+use crate::{plausible, rank};
 
 /// A network's file, and its path in the source tree.
 type Weights = (&'static [u8], &'static str);
@@ -167,7 +167,7 @@ impl Planner {
         let mut warnings: Vec<String> = self.warning.iter().cloned().collect();
         frame::check_object(observation, options.limits.target.as_ref())?;
         let Some(wanted) = &options.find_table else {
-            let doubts = doubts::of_given(observation, options, &self.grid, seed);
+            let doubts = plausible::of_given(observation, options, &self.grid, seed);
             warnings.extend(doubts.iter().cloned());
             let plan = self.plan_in(observation, None, options, will_do, timings_ms, warnings);
             // A mistake may be why a cloud cannot have been seen.
@@ -181,7 +181,7 @@ impl Planner {
         }
         let found = timed(&mut timings_ms, "table", || frame::find(observation, wanted, &self.grid, seed))?;
         let moved = frame::moved(observation, &found.workspace_from_first);
-        warnings.extend(doubts::of_found(observation, &moved, &found, wanted, &self.grid, seed));
+        warnings.extend(plausible::of_found(observation, &moved, &found, wanted, &self.grid, seed));
         warnings.extend(found.warning());
         let options = options.seen_from(found.workspace_from_first);
         self.plan_in(&moved, Some(found), &options, will_do, timings_ms, warnings)
@@ -201,8 +201,9 @@ impl Planner {
         let mut volume = timed(&mut timings_ms, "fuse", || fuse(observation, &workspace, self.config.cloud))?;
         let (rendered, table_z_m) = (take(&mut volume.rendered), volume.grid.lattice.table_z_m);
         let shown = views.unwrap_or(&rendered);
+        let pieces = timed(&mut timings_ms, "pieces", || Pieces::new(&volume.points_m, table_z_m));
         let walls = match self.config.collision.walls {
-            true => timed(&mut timings_ms, "walls", || Walls::among(&volume.points_m, shown, table_z_m)),
+            true => timed(&mut timings_ms, "walls", || Walls::among(&volume.points_m, &pieces, shown, table_z_m)),
             false => Walls::default(),
         };
         // An object that floats has no plane under it, its sides are its own, and its cloud shows nothing beside it.
@@ -211,6 +212,13 @@ impl Planner {
             Config { plane, ..self.config.clone() }
         });
         let segmented = floating.as_ref().unwrap_or(&self.config);
+        // Who says what is wanted means it, and a cube of voxels ends everywhere.
+        let is_cube = workspace.within_m.is_none() || matches!(observation, Observation::Tsdf(_));
+        let is_for_all = !is_cube && options.limits.target.is_none();
+        let ends_m = volume.grid.lattice.corners_m();
+        let cuts = || cuts(views.unwrap_or_default(), &volume.points_m, ends_m, table_z_m);
+        let joined = if is_for_all { pieces.joined(&volume.points_m, &cuts()) } else { Vec::new() };
+        let doubts = Doubts::new(&self.config.gripper, &volume.points_m, &joined, table_z_m);
         // The object at a point takes the segments; otherwise the network runs beside the segmentation.
         let mut segments = None;
         let target_points = options.limits.target.as_ref().map(|target| match target {
@@ -230,7 +238,7 @@ impl Planner {
             views: observation.views(),
             reach_m: volume.reach_m,
         };
-        let request = Request { config: &self.config, options, limiter: &limiter, widths: &widths };
+        let request = Request { config: &self.config, options, limiter: &limiter, widths: &widths, doubts: &doubts };
         let (scene, mut segment_ms) = (scene_number(&volume.grid), Vec::new());
         let (candidates, segments) = rayon::join(
             || self.method.candidates(observed, scene, &request, &mut timings_ms),
@@ -267,11 +275,18 @@ impl Planner {
         candidates.end_stage("collision_free", format!("the gripper's way is blocked for all {found} detections"));
         let policy = options.policy.unwrap_or(self.config.ranking.policy);
         rank::attribute(&mut candidates.grasps, &cloud, &objects, &self.config.ranking);
+        request.widths.measure(&mut candidates.grasps);
+        candidates.drop_where(|ranked| {
+            ranked.doubt = ranked.doubt.max(request.doubts.of(&ranked.workspace_from_grasp));
+            (ranked.doubt == Some(Doubt::Flying)).then_some(RejectReason::Flying)
+        });
+        let is_any = !candidates.grasps.is_empty();
+        let none_ranked = if is_any { "no grasps were asked for" } else { "all grasps hold flying points" };
         let Candidates { mut grasps, mut dropped, mut stages } = candidates;
-        request.widths.measure(&mut grasps);
         rank::order(&mut grasps, policy, Stream::new(self.config.seed, seen.scene, Purpose::Ranking, 0));
         if let Some(previous) = &options.previous {
-            put_first(&mut grasps, previous, |ranked| (ranked.quality, ranked.workspace_from_grasp));
+            let sure = |ranked: &RankedGrasp| if ranked.doubt.is_none() { ranked.quality } else { 0.0 };
+            put_first(&mut grasps, previous, |ranked| (sure(ranked), ranked.workspace_from_grasp));
         }
         if options.each {
             each_first(&mut grasps);
@@ -288,7 +303,7 @@ impl Planner {
             ranked.workspace_from_flange = workspace_from_flange;
             ranked.base_from_flange = workspace_from_flange.and_then(in_base);
         }
-        stages.push(Stage::new("ranked", grasps.len(), "no grasps were asked for"));
+        stages.push(Stage::new("ranked", grasps.len(), none_ranked));
         dropped.sort_by(|a, b| b.quality.total_cmp(&a.quality));
         tell(&mut objects, &grasps, &dropped, &cloud, request);
         let mut plan = Plan {
@@ -300,6 +315,7 @@ impl Planner {
             region: seen.region,
             workspace_from_camera: seen.workspace_from_first,
             table: seen.table,
+            walls: request.limiter.edges_m().to_vec(),
             reason: grasps.is_empty().then(|| reason(&stages, &cloud)),
             grasps,
             warnings: Vec::new(),

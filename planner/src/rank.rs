@@ -1,4 +1,5 @@
-//! The order of grasps: Eq. 8 within objects and objects from the top down, or VGN's orders.
+//! The order of grasps: those of which something is to be doubted come last; else Eq. 8 within objects and objects from
+//! the top down, or VGN's orders.
 
 use core::cmp::Ordering;
 
@@ -7,9 +8,6 @@ use schema::{Stream, Vec3};
 
 use crate::config::{Policy, RankingParams};
 use crate::plan::{ObjectCluster, RankedGrasp, SegmentedCloud};
-
-/// A grasp whose width was seen goes before one that is this much surer: a gripper can then be opened to fit.
-const AS_SURE: f32 = 0.02;
 
 /// Eq. 8: the distance to the object's centroid, weighted by axis, over the quality; in metres.
 #[must_use]
@@ -35,19 +33,20 @@ pub(crate) fn attribute(
     }
 }
 
-/// Sorts grasps, whose widths were measured, by the policy, best first. Equal grasps keep the order of their voxels.
+/// Sorts grasps, whose widths were measured, by the policy, best first; but those whose width was not seen come after
+/// those whose was, and those that are to be doubted last. Equal grasps keep the order of their voxels.
 pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stream) {
     match policy {
         Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),
         Policy::VgnBest => grasps.sort_by(|a, b| sureness(b).total_cmp(&sureness(a))),
         Policy::VgnRandom => chance.shuffle(grasps),
     }
+    grasps.sort_by_key(|ranked| (ranked.doubt, ranked.width_m.is_none()));
 }
 
-/// The quality times the robustness, where that is known, and a little more where the width is known.
+/// The quality times the robustness, where that is known.
 fn sureness(ranked: &RankedGrasp) -> f32 {
-    let bonus = if ranked.width_m.is_some() { AS_SURE } else { 0.0 };
-    ranked.quality * ranked.robustness.unwrap_or(1.0) + bonus
+    ranked.quality * ranked.robustness.unwrap_or(1.0)
 }
 
 /// Objects are numbered from the top; grasps without an object come last.
@@ -62,8 +61,8 @@ mod tests {
     use schema::{Purpose, Quat, pose_from_parts};
 
     use super::*;
-    use crate::BuiltIn;
     use crate::plan::PointLabel;
+    use crate::{BuiltIn, Doubt};
 
     fn grasp(position_m: [f32; 3], quality: f32) -> RankedGrasp {
         let workspace_from_grasp = pose_from_parts(Quat::IDENTITY, Vec3::from_array(position_m));
@@ -118,6 +117,29 @@ mod tests {
         assert_eq!(by_chance, qualities(Policy::VgnRandom));
         by_chance.sort_by(f32::total_cmp);
         assert_eq!(by_chance, [0.91, 0.92, 0.95, 0.99, 1.0]);
+    }
+
+    #[test]
+    fn what_is_doubted_comes_last_and_a_width_that_was_not_seen_after_those_that_were() {
+        let of = |quality: f32, width_m: Option<f32>, doubt: Option<Doubt>| RankedGrasp {
+            width_m,
+            doubt,
+            ..grasp([0.0; 3], quality)
+        };
+        let mut grasps = vec![
+            of(0.99, Some(0.04), Some(Doubt::Cut)),
+            of(0.98, None, Some(Doubt::NoDepth)),
+            of(0.97, None, None),
+            of(0.71, Some(0.04), None),
+            of(0.96, Some(0.04), Some(Doubt::BentTable)),
+            of(0.95, Some(0.04), None),
+            of(0.94, Some(0.04), Some(Doubt::NoDepth)),
+        ];
+        for policy in [Policy::VgnBest, Policy::Paper] {
+            order(&mut grasps, policy, chance(1));
+            let qualities: Vec<f32> = grasps.iter().map(|g| g.quality).collect();
+            assert_eq!(qualities, [0.95, 0.71, 0.97, 0.94, 0.98, 0.96, 0.99]);
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@ use core::ops::Range;
 use rayon::prelude::*;
 use schema::{Grasp, Gripper, GripperBox, Intrinsics, Mat3, Pose, Vec3, bounds_m};
 
+use crate::doubt::Doubt;
 use crate::limits::corners;
 use crate::observation::View;
 use crate::plan::RankedGrasp;
@@ -25,6 +26,10 @@ const END_M: f32 = 0.004;
 /// nothing, so pixels are looked at this far out, step by step; what is behind them is at least so far behind.
 const BEYOND_M: [f32; 7] = [0.006, 0.01, 0.014, 0.018, 0.022, 0.026, 0.03];
 const BEHIND_M: f32 = 0.004;
+/// A pixel flies if it is so far behind the pixel on one side of it and before the one on the other, beside so many
+/// times what a pixel shows: sensors mix a thing's edge with what is behind it.
+const FLIES_M: f32 = 0.003;
+const FLIES_PX: f32 = 5.0;
 /// So much of a finger, from its tip, closes on something.
 const TIP_M: f32 = 0.02;
 /// Least room to either side of what is between open fingers.
@@ -50,6 +55,8 @@ struct Between {
     are_seen: [bool; 2],
     /// Share of the ends at all heights that were seen.
     seen_share: f32,
+    /// Whether most of its points fly.
+    flies: bool,
 }
 
 impl<'a> Widths<'a> {
@@ -69,39 +76,57 @@ impl<'a> Widths<'a> {
         Some(Grasp { workspace_from_grasp, ..*grasp })
     }
 
-    /// Whether the fingers would close where no camera looks.
-    pub(crate) fn is_out_of_sight(&self, workspace_from_grasp: &Pose) -> bool {
-        let fingers = self.gripper.fingers(self.gripper.opening_m_max);
-        let ends = fingers.iter().flat_map(|finger| {
+    /// Two places at the end of each finger, in the workspace.
+    fn tips_m(&self, workspace_from_grasp: &Pose, opening_m: f32) -> [[Vec3; 2]; 2] {
+        self.gripper.fingers(opening_m).map(|finger| {
             let tip_z_m = finger.centre_m.z + finger.half_m.z;
             [0.0, TIP_M].map(|up_m| *workspace_from_grasp * finger.centre_m.with_z(tip_z_m - up_m))
-        });
-        let is_seen = |at_m: Vec3| {
-            self.views
-                .iter()
-                .zip(&self.cameras)
-                .any(|(view, camera)| view.camera.intrinsics.project(*camera * at_m).is_some())
-        };
-        !self.views.is_empty() && !ends.into_iter().all(is_seen)
+        })
     }
 
-    /// Sets how wide things between the fingers are and how far to open these, and measures what no network answered.
+    /// The depths, if there are any, at the pixels onto which a place falls, in metres.
+    fn shown_m(&self, at_m: Vec3) -> impl Iterator<Item = Option<f32>> {
+        self.views.iter().zip(&self.cameras).filter_map(move |(view, camera)| {
+            let pixel = view.camera.intrinsics.project(*camera * at_m)?;
+            Some(view.image.at(pixel).filter(|depth_m| depth_m.is_finite()))
+        })
+    }
+
+    /// Whether the fingers would close where no camera looks.
+    pub(crate) fn is_out_of_sight(&self, workspace_from_grasp: &Pose) -> bool {
+        let tips_m = self.tips_m(workspace_from_grasp, self.gripper.opening_m_max);
+        !self.views.is_empty() && tips_m.as_flattened().iter().any(|at_m| self.shown_m(*at_m).next().is_none())
+    }
+
+    /// Whether a finger would stand where no image has a depth.
+    fn is_blind(&self, grasp: &RankedGrasp) -> bool {
+        let has_none = |tip_m: &[Vec3; 2]| tip_m.iter().all(|at_m| self.shown_m(*at_m).flatten().next().is_none());
+        let tips_m = self.tips_m(&grasp.workspace_from_grasp, grasp.opening_m);
+        !self.views.is_empty() && tips_m.iter().any(has_none)
+    }
+
+    /// Sets how wide things between the fingers are and how far to open these, measures what no network answered, and
+    /// says what speaks against it.
     pub(crate) fn measure(&self, grasps: &mut [RankedGrasp]) {
         let gripper = self.gripper;
         grasps.par_iter_mut().for_each(|grasp| {
             if let Some(width_m) = grasp.width_m {
                 grasp.opening_m = (width_m + 2.0 * room_m(gripper)).min(gripper.opening_m_max);
-                return;
+            } else {
+                let between = self.between(&grasp.workspace_from_grasp);
+                grasp.width_m =
+                    between.filter(|between| between.are_seen == [true; 2]).map(|between| between.width_m());
+                grasp.width_seen_share = between.map(|between| between.seen_share);
+                grasp.opening_m = between.map_or(gripper.opening_m_max, |between| between.opening_m(gripper));
+                grasp.doubt = between.filter(|between| between.flies).map(|_| Doubt::Flying);
             }
-            let between = self.between(&grasp.workspace_from_grasp);
-            grasp.width_m = between.filter(|between| between.are_seen == [true; 2]).map(|between| between.width_m());
-            grasp.width_seen_share = between.map(|between| between.seen_share);
-            grasp.opening_m = between.map_or(gripper.opening_m_max, |between| between.opening_m(gripper));
+            grasp.doubt = grasp.doubt.or(self.is_blind(grasp).then_some(Doubt::NoDepth));
         });
     }
 
     fn between(&self, workspace_from_grasp: &Pose) -> Option<Between> {
-        let points_m = self.points_between(workspace_from_grasp);
+        let (points_m, flying) = self.points_between(workspace_from_grasp);
+        let flies = 2 * flying > points_m.len();
         let mut ends_m = ends(points_m.iter().map(|at| at.y), POINTS_MIN)?;
         let mut rows: Vec<Vec<Vec3>> = Vec::new();
         for at_m in points_m {
@@ -133,15 +158,15 @@ impl<'a> Widths<'a> {
         let pixels_m = pixels_m.map(|(view, camera)| (*camera * tips_m).z.abs() / view.camera.intrinsics.fx_px);
         let half_m = 0.5 * pixels_m.fold(f32::INFINITY, f32::min);
         ends_m = [ends_m[0] - half_m, ends_m[1] + half_m];
-        (count > 0).then(|| Between { ends_m, are_seen, seen_share: seen as f32 / count as f32 })
+        (count > 0).then(|| Between { ends_m, are_seen, seen_share: seen as f32 / count as f32, flies })
     }
 
-    /// The images' points of things between the fingers of the open gripper, in the grasp frame.
-    fn points_between(&self, workspace_from_grasp: &Pose) -> Vec<Vec3> {
+    /// The images' points of things between the fingers of the open gripper, in the grasp frame, and how many fly.
+    fn points_between(&self, workspace_from_grasp: &Pose) -> (Vec<Vec3>, usize) {
         let gripper = self.gripper;
         let half_m = 0.5 * Vec3::new(gripper.finger_width_m, gripper.opening_m_max, gripper.finger_length_m);
         let between = GripperBox { centre_m: Vec3::new(0.0, 0.0, -half_m.z), half_m };
-        let mut points_m = Vec::new();
+        let (mut points_m, mut flying) = (Vec::new(), 0);
         for ((view, camera_from_workspace), rays_x) in self.views.iter().zip(&self.cameras).zip(&self.rays_x) {
             let lens = view.camera.intrinsics;
             let camera_from_grasp = *camera_from_workspace * *workspace_from_grasp;
@@ -161,12 +186,10 @@ impl<'a> Widths<'a> {
                 above_m: self.table_z_m + TABLE_M,
             };
             for (v, columns) in shadow(&corners_m, &lens, [view.image.width_px, view.image.height_px]) {
-                let row = v * view.image.width_px;
-                let depths_m = &view.image.depth_m[row + columns.start..row + columns.end];
-                box_in_image.add_row(lens.ray([0, v]).y, &rays_x[columns], depths_m, &mut points_m);
+                flying += box_in_image.add_row(view, v, columns, rays_x, &mut points_m);
             }
         }
-        points_m
+        (points_m, flying)
     }
 }
 
@@ -224,11 +247,15 @@ struct Sought {
 }
 
 impl Sought {
-    /// Adds the points of a part of a row of the image. Pixels are held against the box eight at a time and without
-    /// branches, which the compiler vectorises: few of them are in it.
-    fn add_row(&self, ray_y: f32, rays_x: &[f32], depths_m: &[f32], points_m: &mut Vec<Vec3>) {
+    /// Adds the points of a part of a row of the image, and counts those that fly. Pixels are held against the box
+    /// eight at a time and without branches, which the compiler vectorises: few of them are in it.
+    fn add_row(&self, view: &View, v: usize, columns: Range<usize>, rays_x: &[f32], points_m: &mut Vec<Vec3>) -> usize {
         let Self { turn, from_m, turn_up, eye_z_m, depth_m: [near_m, far_m], half_m, above_m } = *self;
-        let ray = Vec3::new(0.0, ray_y, 1.0);
+        let View { image, camera, .. } = view;
+        let (first, row) = (columns.start, v * image.width_px);
+        let depths_m = &image.depth_m[row + columns.start..row + columns.end];
+        let rays_x = &rays_x[columns];
+        let ray = Vec3::new(0.0, camera.intrinsics.ray([0, v]).y, 1.0);
         let (along, rise_x, rise) = (turn * ray, turn_up.x_axis.z, (turn_up * ray).z);
         let point_m = |ray_x: f32, depth_m: f32| from_m + (turn.x_axis * ray_x + along) * depth_m;
         let is_sought = |ray_x: f32, depth_m: f32| {
@@ -242,24 +269,42 @@ impl Sought {
                 & ((at_m.z + half_m.z).abs() <= half_m.z)
                 & (z_m > above_m)
         };
-        let mut add = |rays_x: &[f32], depths_m: &[f32], sought: &[bool]| {
-            for ((ray_x, depth_m), _) in rays_x.iter().zip(depths_m).zip(sought).filter(|(_, is_sought)| **is_sought) {
-                points_m.push(point_m(*ray_x, *depth_m));
+        let mut flying = 0;
+        let mut add = |start: usize, sought: &[bool]| {
+            for (at, _) in (start..).zip(sought).filter(|(_, is_sought)| **is_sought) {
+                points_m.push(point_m(rays_x[at], depths_m[at]));
+                flying += usize::from(flies(view, [first + at, v]));
             }
         };
-        let ((rays_x, rest_x), (depths_m, rest_m)) = (rays_x.as_chunks::<8>(), depths_m.as_chunks::<8>());
+        let ((wide_x, rest_x), (wide_m, rest_m)) = (rays_x.as_chunks::<8>(), depths_m.as_chunks::<8>());
         let is_any_near =
-            |depths_m: &&[f32; 8]| depths_m.iter().fold(false, |any, m| any | ((*m >= near_m) & (*m <= far_m)));
-        for (rays_x, depths_m) in rays_x.iter().zip(depths_m).filter(|(_, depths_m)| is_any_near(depths_m)) {
+            |depths_m: &[f32; 8]| depths_m.iter().fold(false, |any, m| any | ((*m >= near_m) & (*m <= far_m)));
+        for (place, (rays_x, depths_m)) in wide_x.iter().zip(wide_m).enumerate() {
+            if !is_any_near(depths_m) {
+                continue;
+            }
             let mut sought = [false; 8];
             (0..8).for_each(|lane| sought[lane] = is_sought(rays_x[lane], depths_m[lane]));
             if sought.contains(&true) {
-                add(rays_x, depths_m, &sought);
+                add(8 * place, &sought);
             }
         }
         let sought: Vec<bool> = rest_x.iter().zip(rest_m).map(|(ray_x, depth_m)| is_sought(*ray_x, *depth_m)).collect();
-        add(rest_x, rest_m, &sought);
+        add(8 * wide_x.len(), &sought);
+        flying
     }
+}
+
+/// Whether a pixel lies between those beside it, in its row or its column, and far from both.
+fn flies(View { image, camera, .. }: &View, [u, v]: [usize; 2]) -> bool {
+    let own_m = image.depth_m[v * image.width_px + u];
+    let apart_m = FLIES_M + FLIES_PX * own_m / camera.intrinsics.fx_px;
+    let is_between = |pixels: [[usize; 2]; 2]| {
+        let [before_m, after_m] = pixels.map(|pixel| image.at(pixel).filter(|m| m.is_finite()).unwrap_or(own_m));
+        before_m.min(after_m) < own_m - apart_m && before_m.max(after_m) > own_m + apart_m
+    };
+    (u > 0 && u + 1 < image.width_px && is_between([[u - 1, v], [u + 1, v]]))
+        || (v > 0 && v + 1 < image.height_px && is_between([[u, v - 1], [u, v + 1]]))
 }
 
 /// Whether the first two of these points of the workspace about which a view knows anything are free.
@@ -378,6 +423,34 @@ mod tests {
         assert!((centred.translation.x - 0.15).abs() < 0.001, "{centred:?}");
         assert!((centred.translation - off.workspace_from_grasp.translation).length() < 0.0085, "{centred:?}");
         assert_eq!(widths.centred(&Grasp { workspace_from_grasp: down(true, 0.0), width_m: 0.05 }), None);
+    }
+
+    /// Three columns of pixels beside the box, each 20 mm deeper than the one before, from its top to the table.
+    #[test]
+    fn pixels_between_a_top_and_the_table_fly() {
+        let mut mixed = view(Vec3::new(0.15, 0.15, 0.7));
+        for (pixel, depth_m) in mixed.image.depth_m.iter_mut().enumerate() {
+            let [v, u] = [pixel / 640, pixel % 640];
+            if (200..280).contains(&v) && (349..352).contains(&u) {
+                *depth_m = 0.59 + 0.02 * (u - 349) as f32;
+            }
+        }
+        let beside = pose_from_parts(down(false, 0.0).rotation, Vec3::new(0.2215, 0.15, 0.06));
+        assert_eq!(measured(std::slice::from_ref(&mixed), beside).doubt, Some(Doubt::Flying));
+        assert_eq!(measured(&[mixed], down(false, 0.0)).doubt, None);
+        assert_eq!(measured(&[view(Vec3::new(0.15, 0.15, 0.7))], beside).doubt, None);
+    }
+
+    #[test]
+    fn a_finger_that_stands_where_no_image_has_a_depth_is_doubted() {
+        let whole = view(Vec3::new(0.15, 0.15, 0.7));
+        let mut half = whole.clone();
+        half.image.depth_m.iter_mut().enumerate().filter(|(at, _)| at % 640 > 349).for_each(|(_, m)| *m = 0.0);
+        let doubt = |views: &[View], along_y: bool| measured(views, down(along_y, 0.0)).doubt;
+        assert_eq!(doubt(std::slice::from_ref(&half), false), Some(Doubt::NoDepth));
+        assert_eq!(doubt(std::slice::from_ref(&half), true), None);
+        assert_eq!(doubt(&[half, whole], false), None, "another image saw it");
+        assert_eq!(doubt(&[], false), None, "there are no images");
     }
 
     #[test]

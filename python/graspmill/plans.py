@@ -62,6 +62,7 @@ class Grasp:
         robustness: If it holds, the share of repeats (heavier, smoother, moved) that a judge expects to hold; ``None`` if not learned.
         base_from_grasp: ``[4, 4]`` in the robot's base, if that was given, by ``base_from_workspace`` or ``base_from_camera``.
         workspace_from_flange: ``[4, 4]``, if the gripper has a ``flange_from_grasp``; ``base_from_flange``, if both are known.
+        doubt: Why it comes last: ``"no_depth"``, ``"bent_table"`` or ``"cut_by_border"``; ``None`` of most.
     """
 
     workspace_from_grasp: NDArray[np.float64]
@@ -75,6 +76,7 @@ class Grasp:
     base_from_grasp: NDArray[np.float64] | None = None
     workspace_from_flange: NDArray[np.float64] | None = None
     base_from_flange: NDArray[np.float64] | None = None
+    doubt: str | None = None
 
 
 class Plan(Immutable, Sequence[Grasp]):
@@ -134,6 +136,8 @@ class Plan(Immutable, Sequence[Grasp]):
         """The grasps, best first."""
 
         def value(row: dict[str, Any], name: str) -> Any:
+            if name == "doubt":
+                return row.get(name)
             return _matrix(row[name]) if "_from_" in name and row[name] is not None else row[name]
 
         return [Grasp(**{one.name: value(row, one.name) for one in fields(Grasp)}) for row in self.answer["grasps"]]

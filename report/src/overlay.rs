@@ -12,6 +12,8 @@ use crate::view::{Class, Line};
 
 /// Green by Okabe and Ito (2008), which the colour-blind distinguish.
 const BEST: [u8; 3] = [0, 158, 115];
+/// Orange by the same.
+const WALL: [u8; 3] = [230, 159, 0];
 /// Beside lines, so that they are seen on whatever they cross.
 const HALO: [u8; 3] = [255; 3];
 /// The longer side of an image whose lines are 2 pixels wide; those of smaller images are not narrower.
@@ -34,8 +36,9 @@ pub struct Grasp {
     pub opening_m: f32,
 }
 
-/// The image as PNG with grasps drawn into it: the first is the best and on top. The lens is scaled to the image if
-/// that has another size. The bytes are a pure function of the arguments.
+/// The image as PNG with grasps drawn into it: the first is the best and on top. Below them are the edges of walls,
+/// lines in the camera's optical frame in metres. The lens is scaled to the image if that has another size. The bytes
+/// are a pure function of the arguments.
 ///
 /// # Errors
 /// If the image's sides have another ratio than the lens's.
@@ -43,16 +46,20 @@ pub fn overlay(
     mut image: ColorImage,
     lens: &Intrinsics,
     grasps: &[Grasp],
+    walls_m: &[Vec<Vec3>],
     gripper: &Gripper,
 ) -> Result<Vec<u8>, Failure> {
     let lens = fitted(lens, &image)?;
     let radius_px = (image.width_px.max(image.height_px) as f32 / SIDE_PX).max(1.0);
-    for (place, grasp) in grasps.iter().enumerate().rev() {
-        let lines = lines_m(grasp, gripper, place == 0);
-        let lines: Vec<[Vec2; 2]> = lines.into_iter().filter_map(|ends_m| seen(ends_m, &lens)).collect();
-        for (radius_px, colour) in [(HALO_WIDTH * radius_px, HALO), (radius_px, of_place(place, grasps.len()))] {
+    let mut stroke = |lines_m: Vec<[Vec3; 2]>, colour: [u8; 3]| {
+        let lines: Vec<[Vec2; 2]> = lines_m.into_iter().filter_map(|ends_m| seen(ends_m, &lens)).collect();
+        for (radius_px, colour) in [(HALO_WIDTH * radius_px, HALO), (radius_px, colour)] {
             lines.iter().for_each(|ends| draw(&mut image, *ends, radius_px, colour));
         }
+    };
+    stroke(walls_m.iter().flat_map(|edge| edge.windows(2).map(|ends| [ends[0], ends[1]])).collect(), WALL);
+    for (place, grasp) in grasps.iter().enumerate().rev() {
+        stroke(lines_m(grasp, gripper, place == 0), of_place(place, grasps.len()));
     }
     png(&image)
 }
@@ -194,7 +201,10 @@ mod tests {
     }
 
     fn drawn(image: ColorImage, grasps: &[Grasp]) -> ColorImage {
-        let bytes = overlay(image, &LENS, grasps, &gripper()).unwrap();
+        decoded(overlay(image, &LENS, grasps, &[], &gripper()).unwrap())
+    }
+
+    fn decoded(bytes: Vec<u8>) -> ColorImage {
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
@@ -242,13 +252,22 @@ mod tests {
     fn the_first_grasp_is_the_best_and_on_top_and_bytes_repeat() {
         let image = empty(640, 480);
         let [first, second] = [Vec3::new(0.0, -0.05, 0.4), Vec3::new(0.02, -0.05, 0.35)].map(|at| downwards(at, 0.04));
-        let bytes = |grasps: &[Grasp]| overlay(image.clone(), &LENS, grasps, &gripper()).unwrap();
+        let bytes = |grasps: &[Grasp]| overlay(image.clone(), &LENS, grasps, &[], &gripper()).unwrap();
         assert_eq!(bytes(&[first, second]), bytes(&[first, second]));
         assert_ne!(bytes(&[first, second]), bytes(&[second, first]));
         let green = |grasps: &[Grasp]| {
             drawn(image.clone(), grasps).pixels.iter().map(|pixel| *pixel == BEST).collect::<Vec<_>>()
         };
         assert!(green(&[first, second]) == green(&[first]), "although the second is nearer");
+    }
+
+    #[test]
+    fn edges_of_walls_are_where_the_lens_projects_them() {
+        let edge_m = [[-0.1, 0.0, 0.5], [0.1, 0.0, 0.5], [0.1, -0.1, 0.5]].map(Vec3::from_array).to_vec();
+        let bytes = overlay(empty(640, 480), &LENS, &[], &[edge_m], &gripper()).unwrap();
+        let image = decoded(bytes);
+        let at = |u: usize, v: usize| image.pixels[v * image.width_px + u];
+        assert_eq!([at(300, 420), at(420, 370), at(300, 370), at(180, 370)], [WALL, WALL, GREY, GREY]);
     }
 
     #[test]
@@ -261,7 +280,7 @@ mod tests {
 
     #[test]
     fn an_image_of_another_shape_is_refused_with_both_sizes() {
-        let refused = overlay(empty(640, 360), &LENS, &[], &gripper()).unwrap_err();
+        let refused = overlay(empty(640, 360), &LENS, &[], &[], &gripper()).unwrap_err();
         assert_eq!(refused.to_string(), "an image of 640 x 360 pixels does not fit intrinsics for 640 x 480");
         assert_eq!(refused.exit_code(), ExitCode::Config);
         assert_eq!(drawn(empty(427, 320), &[]), empty(427, 320), "rounded as cameras do");

@@ -227,6 +227,10 @@ def test_other_texts_are_not_plans(text, match):
     refused(match, lambda: Plan.from_json(text))
 
 
+def test_a_grasp_says_what_speaks_against_it():
+    assert [grasp.doubt for grasp in plan_of([row(), row(doubt="cut_by_border")])] == [None, "cut_by_border"]
+
+
 def test_a_plan_comes_back_from_its_json(tmp_path):
     plan = graspmill.Planner(gripper="franka_hand").plan(BOXED.render(CAMERA), CAMERA, grasps_max=3)
     again = Plan.from_json(plan.to_json())

@@ -43,7 +43,7 @@ fn add_grasp(text: &mut String, ranked: &RankedGrasp) {
     // Writing into a String cannot fail.
     let _ = writeln!(
         text,
-        "{:>4}{:>8}{:>9.3}{:>9}{:>11}{:>8.1}{:>8.1}{:>8.1}{:>12.0} deg",
+        "{:>4}{:>8}{:>9.3}{:>9}{:>11}{:>8.1}{:>8.1}{:>8.1}{:>12.0} deg{}",
         ranked.rank,
         or_dash(ranked.object.map(|object| object.to_string())),
         ranked.quality,
@@ -52,6 +52,7 @@ fn add_grasp(text: &mut String, ranked: &RankedGrasp) {
         at.x,
         at.y,
         at.z,
-        libm::acosf(down.clamp(-1.0, 1.0)).to_degrees()
+        libm::acosf(down.clamp(-1.0, 1.0)).to_degrees(),
+        ranked.doubt.map_or(String::new(), |doubt| format!("  {}", doubt.name().replace('_', " ")))
     );
 }

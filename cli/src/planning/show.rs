@@ -4,7 +4,7 @@ use planner::plan::{Plan, PointLabel, RankedGrasp, RejectReason};
 use program::{ExitCode, Failure};
 use report::overlay::{Grasp as DrawnGrasp, grey, overlay};
 use report::view::{Body, Class, Line, View, flat_points};
-use schema::{ColorImage, Gripper, Outcome};
+use schema::{ColorImage, Gripper, Outcome, Vec3};
 
 /// Most grasps of a page; more could not be distinguished.
 const SHOWN_MAX: usize = 40;
@@ -17,10 +17,11 @@ pub fn page(plan: &Plan, gripper: &Gripper, title: &str) -> String {
     let mut view = View::new(title);
     view.lines.push(Line::workspace(plan.region.corners_m()));
     let shown = plan.grasps.iter().take(SHOWN_MAX);
-    for RankedGrasp { rank, workspace_from_grasp, opening_m, quality, width_m, object, .. } in shown {
+    for RankedGrasp { rank, workspace_from_grasp, opening_m, quality, width_m, object, doubt, .. } in shown {
         let width = width_m.map_or(String::new(), |width_m| format!(", {:.0} mm wide", 1e3 * width_m));
         let at = object.map_or(String::new(), |object| format!("\nat object {object}"));
-        let label = format!("grasp {rank}: quality {quality:.3}{width}{at}");
+        let last = doubt.map_or(String::new(), |doubt| format!("\nlast: {}", doubt.name().replace('_', " ")));
+        let label = format!("grasp {rank}: quality {quality:.3}{width}{at}{last}");
         if *rank == 1 {
             let part = |part| Body::of_box(Class::Gripper, label.clone(), &part, &[*workspace_from_grasp]);
             view.bodies.extend(gripper.boxes(*opening_m).into_iter().map(part));
@@ -28,6 +29,8 @@ pub fn page(plan: &Plan, gripper: &Gripper, title: &str) -> String {
             view.lines.push(Line::fork(Class::Gripper, label, gripper, workspace_from_grasp, *opening_m));
         }
     }
+    let wall = Line { class: Class::Container, label: "edge of a wall".to_owned(), points_m: Vec::new(), frames: None };
+    view.lines.extend(plan.walls.iter().map(|edge_m| Line { points_m: edge_m.clone(), ..wall.clone() }));
     for dropped in plan.dropped.iter().filter(|one| matches!(one.reason, RejectReason::Collision { .. })) {
         let (class, opening_m) = (Class::Grasp(Outcome::ApproachCollision), gripper.opening_m_max);
         let label = format!("dropped: {}", dropped.detail);
@@ -63,7 +66,8 @@ fn points(plan: &Plan, class: Class, label: &str, wanted: PointLabel) -> Line {
     Line { class, label: label.to_owned(), points_m, frames: None }
 }
 
-/// Draws the best grasps into an image that the first camera took, or into its depth in grey, as PNG.
+/// Draws the best grasps and the edges of walls into an image that the first camera took, or into its depth in grey, as
+/// PNG.
 ///
 /// # Errors
 /// As [`overlay`], and if there was no camera.
@@ -82,14 +86,17 @@ pub fn draw_into(
         grasp.camera_from_grasp.map(|camera_from_grasp| DrawnGrasp { camera_from_grasp, opening_m: grasp.opening_m })
     };
     let drawn: Vec<DrawnGrasp> = best.filter_map(drawn).collect();
-    overlay(color.unwrap_or_else(|| grey(image)), &camera.intrinsics, &drawn, gripper)
+    let camera_from_workspace = plan.workspace_from_camera.unwrap_or_default().inverse();
+    let in_camera =
+        |edge_m: &Vec<[f32; 3]>| edge_m.iter().map(|at| camera_from_workspace * Vec3::from_array(*at)).collect();
+    let walls_m: Vec<Vec<Vec3>> = plan.walls.iter().map(in_camera).collect();
+    overlay(color.unwrap_or_else(|| grey(image)), &camera.intrinsics, &drawn, &walls_m, gripper)
 }
 
 #[cfg(test)]
 mod tests {
     use planner::{Config, PlanOptions, Planner, demo};
     use report::view::View;
-    use schema::Vec3;
 
     use super::*;
 
@@ -115,6 +122,11 @@ mod tests {
         let others = plan.grasps.len().min(SHOWN_MAX) - 1;
         assert_eq!(shown.lines.iter().filter(|line| line.class == Class::Gripper).count(), others);
         plan.cloud.points_m[0] = Vec3::splat(f32::NAN);
+        plan.walls = vec![vec![[0.0; 3], [0.1, 0.0, 0.1]]];
+        plan.grasps[0].doubt = Some(planner::Doubt::Cut);
+        let doubted = view(&page(&plan, gripper, "demo"));
+        assert!(doubted.lines.iter().any(|line| line.class == Class::Container && line.points_m == plan.walls[0]));
+        assert!(doubted.bodies[0].label.ends_with("last: cut by border"), "{}", doubted.bodies[0].label);
         plan.grasps.clear();
         let without = view(&page(&plan, gripper, "<demo>"));
         assert!(without.bodies.is_empty() && without.title == "<demo>", "{:?}", without.title);
