@@ -170,8 +170,8 @@ impl Judge {
         (all, proposed)
     }
 
-    /// Candidates of one search about which the judge was asked, and the number of those that were proposed. So many are
-    /// drawn at most for each.
+    /// Candidates of one search about which the judge was asked, and the number of those that were proposed. So many
+    /// are drawn at most for each.
     fn found(
         &self,
         seen: &Seen<'_>,

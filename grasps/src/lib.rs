@@ -107,8 +107,8 @@ pub type Better<'a> = dyn Fn(&Grasp) -> Option<Grasp> + Sync + 'a;
 pub enum Spread {
     /// Evenly over its surface.
     Evenly,
-    /// What is apart from each other has shares: half of the candidates, and half of those that the judge is asked about
-    /// first, are the same for each thing. Then more are sought on things without a sure grasp.
+    /// What is apart from each other has shares: half of the candidates, and half of those that the judge is asked
+    /// about first, are the same for each thing. Then more are sought on things without a sure grasp.
     Shared,
     /// The same with twice as many on these, and the best grasp of each thing is looked at as closely as the best of
     /// all.

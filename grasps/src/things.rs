@@ -8,8 +8,8 @@ use schema::{Vec3, bounds_m};
 use crate::Wanted;
 use crate::space::Space;
 
-/// Side of the cubes into which points are sorted: those in cubes that touch are of one thing. Things are apart if there
-/// are two sides between them, and one thing where there is none.
+/// Side of the cubes into which points are sorted: those in cubes that touch are of one thing. Things are apart if
+/// there are two sides between them, and one thing where there is none.
 const CUBE_M: f32 = 0.006;
 /// Most cubes along a side: wide clouds get wider cubes.
 const SIDE_MAX: f32 = 200.0;

@@ -1,5 +1,5 @@
-//! A best grasp that stays where it was: images of a scene that stands still are noisy, and candidates are drawn anew in
-//! each, so of several good grasps another one would be the best each time.
+//! A best grasp that stays where it was: images of a scene that stands still are noisy, and candidates are drawn anew
+//! in each, so of several good grasps another one would be the best each time.
 
 use core::f32::consts::PI;
 

@@ -75,8 +75,8 @@ pub struct RequestInput {
     pub each: Option<bool>,
     /// Whether to list dropped candidates with reasons.
     pub explain: Option<bool>,
-    /// The best grasp of the last plan, given as in `avoid`: of grasps whose qualities are within 0.05 of the best one's
-    /// the nearest to it comes first, so that a plan for each image stays where it was.
+    /// The best grasp of the last plan, given as in `avoid`: of grasps whose qualities are within 0.05 of the best
+    /// one's the nearest to it comes first, so that a plan for each image stays where it was.
     pub previous: Option<PoseInput>,
     /// Grasps that failed, at most 256: the `workspace_from_grasp` of grasps of earlier plans or, where the table is
     /// found, their `camera_from_grasp`. No grasp is offered whose tips are within 10 mm and whose axes are within
