@@ -31,7 +31,6 @@ COLOURS = {
     "target": (86, 180, 233),
     "hit": (230, 159, 0),
     "gripper": (92, 102, 112),
-    "swept": (204, 121, 167, 60),
     "held": GREEN,
     "slipped": VERMILION,
     "hit_other": VERMILION,

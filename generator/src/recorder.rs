@@ -1,7 +1,7 @@
-//! Records an attempt for display: poses at up to sixty frames per second, events, and contacts.
+//! Records an attempt for display: poses at up to sixty frames per second, and events.
 
-use schema::{Gripper, GripperBox, HitKind, Outcome, Physics, Pose, Procedure, Vec3};
-use simulator::{AttemptEvent, Contact, ContactBody, Execution, Moment, Obstruction, Phase, Watcher};
+use schema::{Gripper, HitKind, Outcome, Physics, Pose, Procedure, Vec3};
+use simulator::{AttemptEvent, Execution, Moment, Obstruction, Phase, Watcher};
 
 /// Frames a second.
 const FRAME_RATE_HZ: f32 = 60.0;
@@ -19,10 +19,6 @@ pub struct Recording {
     pub frames: Vec<Frame>,
     /// What happened, in order.
     pub events: Vec<Event>,
-    /// Where bodies touched.
-    pub contacts: Vec<Touch>,
-    /// What the gate tested, if it stopped the gripper.
-    pub blocked: Option<Blocked>,
 }
 
 /// All poses at a time.
@@ -60,35 +56,12 @@ pub enum EventKind {
     Failed,
 }
 
-/// A contact in a frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Touch {
-    /// The frame.
-    pub frame: usize,
-    /// What touches, and with which force.
-    pub label: String,
-    /// Where.
-    pub points_m: Vec<Vec3>,
-}
-
-/// What stopped the gripper on its way.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Blocked {
-    /// What was hit, by which part of the gripper, and when.
-    pub label: String,
-    /// Where.
-    pub point_m: Vec3,
-    /// The boxes that the gate tested, in the frame of the grasp: the open gripper or its sweep, with the clearance.
-    pub boxes: Vec<GripperBox>,
-}
-
 /// A recording of an attempt.
 pub(crate) struct Recorder<'a> {
     gripper: &'a Gripper,
     pregrasp_distance_m: f32,
     step_rate_hz: f32,
     workspace_from_grasp: Pose,
-    target: usize,
     /// The scene at rest.
     at_rest: Vec<Pose>,
     pub(crate) recording: Recording,
@@ -101,13 +74,12 @@ pub(crate) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    /// Of a grasp of object `target`.
+    /// Of a grasp.
     pub(crate) fn new(
         gripper: &'a Gripper,
         procedure: &Procedure,
         physics: &Physics,
         workspace_from_grasp: Pose,
-        target: usize,
         at_rest: Vec<Pose>,
     ) -> Self {
         Self {
@@ -115,7 +87,6 @@ impl<'a> Recorder<'a> {
             pregrasp_distance_m: procedure.pregrasp_distance_m,
             step_rate_hz: physics.step_rate_hz,
             workspace_from_grasp,
-            target,
             at_rest,
             recording: Recording::default(),
             phase: None,
@@ -143,9 +114,7 @@ impl<'a> Recorder<'a> {
         }
         self.grasp_time_s = self.recording.frames.last().map_or(0.0, |frame| frame.time_s);
         if let Some(obstruction) = obstruction {
-            let blocked = blocked(self.gripper, distance_m, obstruction);
-            self.happens(EventKind::Note, blocked.label.clone());
-            self.recording.blocked = Some(blocked);
+            self.happens(EventKind::Note, describe_obstruction(obstruction));
         }
     }
 
@@ -175,24 +144,7 @@ impl<'a> Recorder<'a> {
         }
         self.shot_steps = Some(moment.steps);
         let time_s = self.grasp_time_s + moment.steps as f32 / self.step_rate_hz;
-        let frame = self.recording.frames.len();
         self.recording.frames.push(Frame { time_s, objects: moment.objects(), gripper: moment.gripper() });
-        let mut contacts: Vec<Contact> = moment.contacts();
-        let is_shown = |c: &Contact| !c.points_m.is_empty() && c.between.iter().any(|t| self.is_of_interest(*t));
-        contacts.retain(is_shown);
-        self.recording.contacts.extend(contacts.into_iter().map(|contact| Touch {
-            frame,
-            label: describe_contact(&contact),
-            points_m: contact.points_m,
-        }));
-    }
-
-    fn is_of_interest(&self, body: ContactBody) -> bool {
-        match body {
-            ContactBody::Object(id) => id == self.target,
-            ContactBody::Table | ContactBody::Container => false,
-            ContactBody::LeftFinger | ContactBody::RightFinger | ContactBody::Palm => true,
-        }
     }
 
     /// Adds an event at the time of the last frame, or before the first.
@@ -254,28 +206,16 @@ impl Watcher for Recorder<'_> {
     }
 }
 
-fn blocked(gripper: &Gripper, distance_m: f32, obstruction: &Obstruction) -> Blocked {
+fn describe_obstruction(obstruction: &Obstruction) -> String {
     let what = match (obstruction.hit.object_id, obstruction.hit.kind) {
         (Some(id), _) => format!("object {id}"),
         (None, HitKind::Container) => "the container".to_owned(),
         (None, _) => "the table".to_owned(),
     };
-    let (part, clearance_mm) = (BOX_NAMES[obstruction.part], gripper.clearance_m * 1000.0);
-    let is_before = obstruction.outcome == Outcome::PregraspCollision;
-    let when = if is_before {
-        "already before the approach".to_owned()
+    if obstruction.outcome == Outcome::PregraspCollision {
+        format!("the gripper is within its clearance of {what} already before the approach")
     } else {
-        format!("after {:.1} mm of the approach", obstruction.travel_m * 1000.0)
-    };
-    let tested = |gripper_box: GripperBox| {
-        let back = -Vec3::Z * distance_m;
-        let tested = if is_before { gripper_box.moved(back) } else { gripper_box.swept(back) };
-        tested.grown(gripper.clearance_m)
-    };
-    Blocked {
-        label: format!("the {part} is within {clearance_mm:.1} mm of {what} {when}"),
-        point_m: obstruction.point_m,
-        boxes: gripper.open_gripper().into_iter().map(tested).collect(),
+        format!("the gripper comes within its clearance of {what} after {} of the approach", mm(obstruction.travel_m))
     }
 }
 
@@ -338,16 +278,4 @@ pub fn describe_outcome(outcome: Outcome, hit: Option<(HitKind, Option<u32>)>, w
     };
     let width = width_m.map_or(String::new(), |width_m| format!(", {}", mm(width_m)));
     format!("{}{hit}{width}", outcome.name())
-}
-
-fn describe_contact(contact: &Contact) -> String {
-    let [a, b] = contact.between.map(|body| match body {
-        ContactBody::LeftFinger => "left finger".to_owned(),
-        ContactBody::RightFinger => "right finger".to_owned(),
-        ContactBody::Palm => "palm".to_owned(),
-        ContactBody::Object(id) => format!("object {id}"),
-        ContactBody::Table => "table".to_owned(),
-        ContactBody::Container => "container".to_owned(),
-    });
-    format!("{a} and {b}: {:.2} N", contact.force_n)
 }

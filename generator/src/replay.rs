@@ -113,7 +113,7 @@ pub fn replays<T: Send>(
     let at_rest: Vec<Pose> = rows.objects.iter().map(|row| row.workspace_from_object).collect();
     let replay = |stored: &AttemptRecord| {
         let (grasp, target) = (stored.workspace_from_grasp, stored.object_id as usize);
-        let mut recorder = Recorder::new(gripper, &info.procedure, &physics, grasp, target, at_rest.clone());
+        let mut recorder = Recorder::new(gripper, &info.procedure, &physics, grasp, at_rest.clone());
         recorder.approach(world.obstruction(&grasp, target).as_ref());
         let now = world.execute_watched(&grasp, target, Some(&mut recorder));
         show(Replay { recording: recorder.recording, stored: stored.clone(), now })

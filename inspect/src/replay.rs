@@ -3,7 +3,7 @@
 use generator::recorder::{self, BOX_NAMES, Recording, describe_end};
 use generator::{AttemptId, GraspReplay, Replay};
 use program::Failure;
-use report::view::{Body, Class, Event, EventKind, Frame, Line, View, flat, flat_points};
+use report::view::{Body, Class, Event, EventKind, Frame, Line, View, flat};
 use schema::{Axis, Gripper, Lattice, ObjectGrasps, Pose, SceneRows};
 use shards::{Dataset, DatasetInfo};
 
@@ -65,7 +65,7 @@ fn attempt_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows, replay: 
         let poses = poses(recording, |frame| frame.objects[id]);
         view.bodies.extend(Body::of_object(class, row).into_iter().map(|part| Body { poses: poses.clone(), ..part }));
     }
-    add(&mut view, recording, info.gripper_of(stored.scene_id), &stored.workspace_from_grasp);
+    add(&mut view, recording, info.gripper_of(stored.scene_id));
     view.lines.push(Line::workspace(Lattice::from(info.grid).corners_m()));
 
     let degrees = |angle_rad: f32| format!("{:.2}°", angle_rad.to_degrees());
@@ -90,7 +90,7 @@ fn grasp_view(set: &ObjectGrasps, replay: GraspReplay) -> View {
     let poses = poses(&recording, |frame| frame.objects[0]);
     let part = |part| Body { poses: poses.clone(), ..Body::of_part(Class::Target, set.name.clone(), part, &[]) };
     view.bodies.extend(set.parts.iter().map(part));
-    add(&mut view, &recording, &set.gripper, &grasp.object_from_grasp);
+    add(&mut view, &recording, &set.gripper);
     view.fact("stored", grasp.outcome.name());
     view.fact("now", ending);
     view.fact("test", set.test.name());
@@ -107,8 +107,8 @@ fn poses(recording: &Recording, pose: impl Fn(&recorder::Frame) -> Pose) -> Vec<
     poses
 }
 
-/// Adds frames, events and contacts, the gripper, and what stopped it.
-fn add(view: &mut View, recording: &Recording, gripper: &Gripper, grasp: &Pose) {
+/// Adds frames and events, and the gripper.
+fn add(view: &mut View, recording: &Recording, gripper: &Gripper) {
     view.frames = recording.frames.iter().map(|frame| Frame { time_s: frame.time_s }).collect();
     view.events.extend(recording.events.iter().map(|event| {
         let kind = match event.kind {
@@ -119,21 +119,10 @@ fn add(view: &mut View, recording: &Recording, gripper: &Gripper, grasp: &Pose) 
         };
         Event { frame: event.frame, kind, text: event.text.clone() }
     }));
-    let contact =
-        |label: &String, points_m, frames| Line { class: Class::Contact, label: label.clone(), points_m, frames };
-    view.points.extend(recording.contacts.iter().map(|touch| {
-        contact(&touch.label, flat_points(touch.points_m.iter().copied()), Some([touch.frame, touch.frame]))
-    }));
     for (part, gripper_box) in gripper.open_gripper().iter().enumerate() {
         let poses = poses(recording, |frame| frame.gripper[part % 3]);
         view.bodies.push(Body { poses, ..Body::of_box(Class::Gripper, BOX_NAMES[part], gripper_box, &[]) });
     }
-    let Some(blocked) = &recording.blocked else { return };
-    for (part, gripper_box) in BOX_NAMES.into_iter().zip(&blocked.boxes) {
-        let label = format!("{part} on its way, with {:.1} mm around it", gripper.clearance_m * 1000.0);
-        view.bodies.push(Body::of_box(Class::Swept, label, gripper_box, &[*grasp]));
-    }
-    view.points.push(contact(&blocked.label, flat_points([blocked.point_m]), None));
 }
 
 /// How the replays of pages went.

@@ -139,14 +139,10 @@ pub enum Class {
     Hit,
     /// The gripper.
     Gripper,
-    /// The swept volume of the gripper.
-    Swept,
     /// A camera.
     Camera,
     /// The observed surface.
     Surface,
-    /// Contacts.
-    Contact,
     /// The axes of a frame.
     Axes,
     /// A grasp, by its outcome.

@@ -15,8 +15,8 @@
     line.attempt = attempt;
   }
 
-  // Colours that stay apart for the colour-blind (Okabe and Ito, 2008); x: drawn over all, a: opacity of a body that hides nothing.
-  const [SKY, BLUE, ORANGE, PURPLE] = [[86, 180, 233], [0, 114, 178], [230, 159, 0], [204, 121, 167]];
+  // Colours that stay apart for the colour-blind (Okabe and Ito, 2008); a: opacity of a body that hides nothing.
+  const [SKY, BLUE, ORANGE] = [[86, 180, 233], [0, 114, 178], [230, 159, 0]];
   // Those of outcomes are the style's, as in tables.
   const hues = new Map();
   isDark.addEventListener("change", () => hues.clear());
@@ -33,14 +33,12 @@
     target: { name: "target", rgb: () => SKY },
     hit: { name: "what was hit", rgb: () => ORANGE },
     gripper: { name: "gripper", rgb: () => (isDark.matches ? [205, 211, 217] : [92, 102, 112]) },
-    swept: { name: "swept by the gripper", rgb: () => PURPLE, a: 0.2 },
     held: { name: "held", rgb: () => hue("held"), wide: 2.2 },
     slipped: { name: "slipped", rgb: () => hue("slipped"), wide: 1.6 },
     hit_other: { name: "hit other", rgb: () => hue("hit_other"), wide: 1.6 },
     empty: { name: "empty", rgb: () => hue("empty"), wide: 1.6 },
     approach_collision: { name: "approach collision", rgb: () => hue("approach_collision"), wide: 1.1 },
     pregrasp_collision: { name: "pregrasp collision", rgb: () => hue("pregrasp_collision"), wide: 1.1 },
-    contact: { name: "contacts", rgb: () => (isDark.matches ? [240, 228, 66] : [20, 20, 20]), x: true, wide: 2 },
     surface: { name: "surface as seen (TSDF)", rgb: () => BLUE },
     axes: { name: "axes", rgb: () => ORANGE, wide: 2 },
     camera: { name: "cameras", rgb: grey },
@@ -230,9 +228,9 @@
     const slack = 0.001;
     for (let i = 1; i < spots.length; i++) {
       const [a, b] = [line.points_m[i - 1], line.points_m[i]], way = less(b, a);
-      const pieces = look.x || !opaque.length ? 1 : Math.min(40, Math.ceil(Math.hypot(...way) / 0.004));
+      const pieces = !opaque.length ? 1 : Math.min(40, Math.ceil(Math.hypot(...way) / 0.004));
       for (let k = 0; k < pieces; k++) {
-        const hidden = !look.x && isHidden(add(a, times(way, (k + 0.5) / pieces)), opaque, slack);
+        const hidden = isHidden(add(a, times(way, (k + 0.5) / pieces)), opaque, slack);
         const [p, q] = [onScreen(add(a, times(way, k / pieces))), onScreen(add(a, times(way, (k + 1) / pieces)))];
         near[hidden ? 1 : 0].moveTo(p[0], p[1]);
         near[hidden ? 1 : 0].lineTo(q[0], q[1]);
@@ -250,14 +248,6 @@
     const look = style(points);
     for (const p of points.points_m) {
       const [x, y, depth] = onScreen(p);
-      if (look.x) {
-        pen.strokeStyle = rgba(look.rgb());
-        pen.lineWidth = 2;
-        pen.beginPath();
-        pen.arc(x, y, 5, 0, 7);
-        pen.stroke();
-        continue;
-      }
       const side = Math.max(1.4, (0.0016 * focal) / depth);
       pen.fillStyle = rgba(look.rgb(), isHidden(p, opaque, 0.008) ? 0.1 : 0.7);
       pen.fillRect(x - side / 2, y - side / 2, side, side);
@@ -279,13 +269,11 @@
     drawn = fromBackToFront(opaque);
     traced = [];
     drawn.forEach(drawBody);
-    for (const points of view.points) if (isThere(points) && !style(points).x) drawPoints(points, opaque);
+    for (const points of view.points) if (isThere(points)) drawPoints(points, opaque);
     for (const line of view.lines) if (isThere(line)) drawLine(line, opaque);
     const clear = things.filter((t) => style(t.body).a);
     clear.forEach(drawBody);
     drawn.push(...clear);
-    for (const points of view.points) if (isThere(points) && style(points).x) drawPoints(points, opaque);
-    traced.push(...view.points.filter((p) => isThere(p) && style(p).x).map((p) => ({ line: p, spots: p.points_m.map(onScreen), dots: true })));
   }
   let waiting = false;
   function redraw() {
@@ -293,15 +281,15 @@
     waiting = true;
   }
 
-  // What lies under the pointer: a contact or a line within reach, else the front-most body.
+  // What lies under the pointer: a line within reach, else the front-most body.
   function under(x, y, reach) {
     let best = reach, found = null;
-    for (const { line, spots, dots } of traced) {
+    for (const { line, spots } of traced) {
       if (!line.label || line.class === "workspace") continue;
-      for (let i = dots ? 0 : 1; i < spots.length; i++) {
-        const b = spots[i], a = dots ? b : spots[i - 1], way = [b[0] - a[0], b[1] - a[1]];
+      for (let i = 1; i < spots.length; i++) {
+        const b = spots[i], a = spots[i - 1], way = [b[0] - a[0], b[1] - a[1]];
         const share = Math.min(1, Math.max(0, ((x - a[0]) * way[0] + (y - a[1]) * way[1]) / (way[0] ** 2 + way[1] ** 2 || 1)));
-        const off = Math.hypot(x - a[0] - share * way[0], y - a[1] - share * way[1]) - (dots ? 4 : 0);
+        const off = Math.hypot(x - a[0] - share * way[0], y - a[1] - share * way[1]);
         if (off < best) [best, found] = [off, line];
       }
     }
@@ -487,7 +475,7 @@
     const [from, a, b, , , d] = camera.points_m, corner = less(a, from), across = less(b, a), along = less(d, a);
     const ahead = unit(cross(across, along)), scale = 1 / dot(corner, ahead);
     const wide = 160, high = Math.round((wide * Math.hypot(...along)) / Math.hypot(...across)), depths = new Float32Array(wide * high);
-    const still = view.bodies.filter((body) => !["gripper", "swept"].includes(body.class)).map(placed);
+    const still = view.bodies.filter((body) => body.class !== "gripper").map(placed);
     for (let at = 0; at < depths.length; at++) {
       const [u, v] = [(at % wide) / (wide - 1), Math.floor(at / wide) / (high - 1)];
       const ray = times(add(corner, add(times(across, u), times(along, v))), scale), far = dot(ray, ray);

@@ -6,7 +6,6 @@
 use rapier3d::prelude::{ColliderHandle, PhysicsWorld, RigidBodyHandle};
 use schema::{Physics, Polyhedron, Pose, SettleParams, Vec3};
 
-use crate::contact::Contact;
 use crate::engine::{EngineBody, LENGTH_UNIT_M, UNITS_PER_M, add_fixed_box, add_object, pose_of, world_with_table};
 
 /// Objects that move. They are known by their indices.
@@ -64,16 +63,12 @@ pub(crate) trait AttemptEngine: Bodies {
 
     /// Whether anything but the gripper pressed on an object in the last step.
     fn is_touched_by_others(&self, object_id: usize) -> bool;
-
-    /// What pressed on each other in the last step, in this frame.
-    fn contacts(&self) -> Vec<Contact>;
 }
 
 /// Objects in rapier, and what is there beside them.
 pub(crate) struct InRapier<T> {
     pub(crate) world: PhysicsWorld,
     pub(crate) bodies: Vec<RigidBodyHandle>,
-    pub(crate) fixtures: Vec<ColliderHandle>,
     pub(crate) beside: T,
 }
 
@@ -118,9 +113,9 @@ impl<'a> RapierPile<'a> {
     /// A table at `table_z_m` with the fixtures for the objects of `things`, of which none is there yet.
     pub(crate) fn new(physics: &Physics, params: &'a SettleParams, things: &'a RapierThings, table_z_m: f32) -> Self {
         let gravity_m_s2 = -Vec3::Z * physics.gravity_m_s2;
-        let (world, fixtures) = world_with_table(physics, gravity_m_s2, &Pose::IDENTITY, table_z_m, &things.fixtures);
+        let world = world_with_table(physics, gravity_m_s2, &Pose::IDENTITY, table_z_m, &things.fixtures);
         let beside = PileSetup { friction: physics.table_friction, params, table_z_m, things, walls: Vec::new() };
-        Self { world, bodies: Vec::new(), fixtures, beside }
+        Self { world, bodies: Vec::new(), beside }
     }
 }
 

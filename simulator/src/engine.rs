@@ -115,7 +115,7 @@ pub(crate) fn world_with_table(
     world_from_workspace: &Pose,
     table_z_m: f32,
     fixtures: &[Polyhedron],
-) -> (PhysicsWorld, Vec<ColliderHandle>) {
+) -> PhysicsWorld {
     let mut world = PhysicsWorld {
         gravity: gravity_m_s2 * UNITS_PER_M,
         integration_parameters: integration(physics),
@@ -124,12 +124,11 @@ pub(crate) fn world_with_table(
     let friction = physics.table_friction;
     let centre = Pose::from_parts(Vector::new(0.0, 0.0, table_z_m - TABLE_HALF_M.z), Rotation::IDENTITY);
     add_fixed_box(&mut world, *world_from_workspace * centre, TABLE_HALF_M, friction);
-    let add = |fixture: &Polyhedron| {
+    for fixture in fixtures {
         let collider = ColliderBuilder::new(shape_of_hull(fixture, UNITS_PER_M));
-        world.colliders.insert(surface(collider.position(in_units(*world_from_workspace)), friction))
-    };
-    let fixtures = fixtures.iter().map(add).collect();
-    (world, fixtures)
+        world.colliders.insert(surface(collider.position(in_units(*world_from_workspace)), friction));
+    }
+    world
 }
 
 /// Adds a box that never moves.
@@ -195,7 +194,7 @@ mod tests {
     /// Mass in kg, centre of mass in m, and inertia about it in kg m², all as the engine has them in a body of a world.
     fn mass_of(body: &Body, mass_kg: f32) -> (f32, Vec3, Mat3) {
         let at = Pose::IDENTITY;
-        let (mut world, _) = world_with_table(&Physics::FAITHFUL, Vec3::ZERO, &at, -1.0, &[]);
+        let mut world = world_with_table(&Physics::FAITHFUL, Vec3::ZERO, &at, -1.0, &[]);
         let object = SceneObject { body: body.clone(), mass_kg, friction: 1.0, workspace_from_object: at };
         let handle = add_object(&mut world, &EngineBody::of(&object, LeastInertia::NONE), at, true);
         world.step();

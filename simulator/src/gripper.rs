@@ -15,7 +15,6 @@ use rapier3d::prelude::*;
 use schema::{Gripper, GripperBox, Physics, Pose, Vec3};
 
 use crate::bodies::{AttemptEngine, InRapier, RapierThings};
-use crate::contact::{Contact, ContactBody};
 use crate::engine::{EngineBody, UNITS_PER_M, add_object, pose_of, surface, world_with_table};
 
 /// Stiffness and damping of the gear between the fingers. Stiff enough that 3 N of weight shifts a grip by less than a
@@ -98,30 +97,18 @@ impl RapierAttempt {
     ) -> Self {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let gravity_m_s2 = grasp_from_workspace.rotation * -Vec3::Z * physics.gravity_m_s2;
-        let (mut world, fixtures) =
-            world_with_table(physics, gravity_m_s2, &grasp_from_workspace, table_z_m, &things.fixtures);
+        let mut world = world_with_table(physics, gravity_m_s2, &grasp_from_workspace, table_z_m, &things.fixtures);
         let add = |(engine_body, workspace_from_object): &(EngineBody, Pose)| {
             let pose = grasp_from_workspace * *workspace_from_object;
             add_object(&mut world, engine_body, pose, all_awake)
         };
         let bodies = things.bodies.iter().map(add).collect();
         let beside = GripperBodies::insert(&mut world, gripper, closed_m);
-        Self { world, bodies, fixtures, beside }
+        Self { world, bodies, beside }
     }
 
     fn collider(&self, object_id: usize) -> ColliderHandle {
         self.world.bodies[self.bodies[object_id]].colliders()[0]
-    }
-
-    fn body(&self, collider: ColliderHandle) -> ContactBody {
-        if let Some(id) = (0..self.bodies.len()).find(|id| self.collider(*id) == collider) {
-            return ContactBody::Object(id);
-        }
-        match self.beside.colliders.iter().position(|of_gripper| *of_gripper == collider) {
-            Some(part) => [ContactBody::LeftFinger, ContactBody::RightFinger, ContactBody::Palm][part],
-            None if self.fixtures.contains(&collider) => ContactBody::Container,
-            None => ContactBody::Table,
-        }
     }
 }
 
@@ -180,24 +167,5 @@ impl AttemptEngine for RapierAttempt {
         let is_of_gripper = |pair: &ContactPair| own.contains(&pair.collider1) || own.contains(&pair.collider2);
         let mut pairs = self.world.contact_pairs_with(self.collider(object_id));
         pairs.any(|pair| !is_of_gripper(pair) && pair.total_impulse_magnitude() > 0.0)
-    }
-
-    fn contacts(&self) -> Vec<Contact> {
-        let pressed = self.world.contact_pairs().filter(|pair| pair.total_impulse_magnitude() > 0.0);
-        let contact = |pair: &ContactPair| {
-            let first = self.world.colliders[pair.collider1].position();
-            let points_m = pair.solver_manifolds().iter().flat_map(|manifold| {
-                let part = manifold.subshape_poses.as_ref().and_then(|poses| poses.pos1);
-                let pose = *first * part.unwrap_or(Pose::IDENTITY);
-                let bearing = manifold.points.iter().filter(|point| point.data.impulse > 0.0);
-                bearing.map(move |point| pose.transform_point(point.local_p1) / UNITS_PER_M)
-            });
-            Contact {
-                between: [pair.collider1, pair.collider2].map(|collider| self.body(collider)),
-                points_m: points_m.collect(),
-                force_n: pair.total_impulse_magnitude() / (self.world.integration_parameters.dt * UNITS_PER_M),
-            }
-        };
-        pressed.map(contact).collect()
     }
 }

@@ -43,7 +43,6 @@
 mod attempt;
 mod bodies;
 mod body;
-mod contact;
 mod convex_hull;
 mod decompose;
 mod depth;
@@ -64,7 +63,6 @@ mod watch;
 
 pub use attempt::{AttemptWorld, Execution};
 pub use body::{Body, BodyError, Part, PartShape, bodies_of};
-pub use contact::{Contact, ContactBody};
 pub use convex_hull::convex_hull;
 pub use decompose::{ConvexParts, PartsParams, convex_parts, few_cornered_hull, hull_volume_m3};
 pub use depth::{SceneRays, ViewRays};

@@ -22,7 +22,6 @@ use schema::{Physics, Pose, Quat, Vec3};
 use wide::f32x4;
 
 use crate::bodies::{AttemptEngine, Bodies};
-use crate::contact::{Contact as Pressing, ContactBody};
 use contact::{Answer, Contact, Contacts, Motion, Pass, Relative, Touched, lanes};
 use patch::{Frame, Patch, Scratch};
 use push::{push_both, push_one, relative};
@@ -541,29 +540,6 @@ impl AttemptEngine for Stepper<'_> {
         let stands = |first: usize| first == TABLE || first >= WALLS;
         self.singles.iter().any(|c| stands(c.first) && c.second == object_id && c.presses())
             || self.doubles.iter().any(|c| (c.first == object_id || c.second == object_id) && c.presses())
-    }
-
-    fn contacts(&self) -> Vec<Pressing> {
-        let known = [ContactBody::Table, ContactBody::LeftFinger, ContactBody::RightFinger, ContactBody::Palm];
-        let of = |first: usize| known.get(first).copied().unwrap_or(ContactBody::Container);
-        let singles = self.singles.iter().map(|c| (of(c.first), c.second, c.bearing()));
-        let doubles = self.doubles.iter().map(|c| (ContactBody::Object(c.first), c.second, c.bearing()));
-        let mut pressing: Vec<Pressing> = Vec::new();
-        for (first, second, (points_m, impulse)) in singles.chain(doubles) {
-            let (between, force_n) = ([first, ContactBody::Object(second)], impulse / self.step_s);
-            if points_m.is_empty() {
-                continue;
-            }
-            // The parts of two bodies press as one.
-            match pressing.iter_mut().find(|known| known.between == between) {
-                Some(known) => {
-                    known.points_m.extend(points_m);
-                    known.force_n += force_n;
-                }
-                None => pressing.push(Pressing { between, points_m, force_n }),
-            }
-        }
-        pressing
     }
 }
 

@@ -7,7 +7,6 @@ use schema::Pose;
 
 use crate::attempt::Execution;
 use crate::bodies::AttemptEngine;
-use crate::contact::Contact;
 
 /// An observer of an attempt.
 pub trait Watcher {
@@ -131,15 +130,5 @@ impl Moment<'_> {
     #[must_use]
     pub fn gripper(&self) -> [Pose; 3] {
         self.engine.gripper_moved_m().map(|moved_m| self.workspace_from_grasp * Pose::from_translation(moved_m))
-    }
-
-    /// All contacts on the gripper or on an object.
-    #[must_use]
-    pub fn contacts(&self) -> Vec<Contact> {
-        let in_workspace = |contact: Contact| {
-            let points_m = contact.points_m.iter().map(|p| self.workspace_from_grasp.transform_point(*p)).collect();
-            Contact { points_m, ..contact }
-        };
-        self.engine.contacts().into_iter().map(in_workspace).collect()
     }
 }

@@ -182,7 +182,6 @@ fn a_gripper_in_a_wall_collides_with_the_container() {
     let world = AttemptWorld::new(&Physics::STANDARD, &gripper, &Procedure::PAPER, &scene);
     let found = world.obstruction(&across, 0).unwrap();
     assert_eq!(found.hit.kind, HitKind::Container);
-    assert!((found.point_m.z - 0.13).abs() < 0.01 && (found.point_m.y - 0.252).abs() < 0.01, "{found:?}");
     // From the front through the wall, where the gripper stands already at the pre-grasp.
     let front = self::scene(BIN, vec![block([0.04, 0.04, 0.04], [0.15, 0.1, 0.07])]);
     let forward = axis_angle(Vec3::ONE.normalize(), -2.0 * PI / 3.0);

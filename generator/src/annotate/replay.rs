@@ -57,7 +57,7 @@ fn replay(world: &FloatingWorld<'_>, set: &ObjectGrasps, number: u64, origin_m: 
     // An object that was pushed aside is shown where it was gripped.
     let aside = set.grasps[number as usize].pushed_m.and_then(|most_m| world.pushed_aside(&asked, most_m));
     let grasp = aside.map_or(asked, |(aside, _)| aside);
-    let mut recorder = Recorder::new(gripper, &PROCEDURE, &PHYSICS, grasp, 0, vec![Pose::IDENTITY]);
+    let mut recorder = Recorder::new(gripper, &PROCEDURE, &PHYSICS, grasp, vec![Pose::IDENTITY]);
     recorder.approach(world.obstruction(&grasp).as_ref());
     let (outcome, width_m) = match world.close_watched(&grasp, Some(&mut recorder)) {
         Err(execution) => (execution.outcome, execution.width_m),
@@ -79,8 +79,6 @@ fn replay(world: &FloatingWorld<'_>, set: &ObjectGrasps, number: u64, origin_m: 
         frame.objects.iter_mut().for_each(|pose| *pose = there * *pose * back);
         frame.gripper.iter_mut().for_each(|pose| *pose = there * *pose);
     }
-    recording.contacts.iter_mut().flat_map(|touch| &mut touch.points_m).for_each(|point_m| *point_m += origin_m);
-    recording.blocked.iter_mut().for_each(|blocked| blocked.point_m += origin_m);
     GraspReplay { number, recording, outcome, ending }
 }
 

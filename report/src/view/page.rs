@@ -193,7 +193,7 @@ mod tests {
     fn view() -> View {
         let mut view = View::new("</script><script>alert(1)</script> & co");
         view.points.push(Line {
-            class: Class::Contact,
+            class: Class::Surface,
             label: "<b>".to_owned(),
             points_m: vec![[0.1, 0.2, 0.3]],
             frames: Some([0, 1]),
