@@ -1,5 +1,5 @@
-//! A dataset as a folder of pages that lead to each other: all scenes with filters, each scene in space with the
-//! replays of its attempts, the report.
+//! A dataset as a folder of pages that lead to each other: all scenes, each scene in space with the replays of its
+//! attempts, the report.
 
 use std::collections::BTreeSet;
 use std::io::Write as _;
@@ -10,18 +10,14 @@ use program::{Context, ExitCode, Failure};
 use report::document::{Block, Card, Document};
 use report::view::View;
 use report::view::folder::{
-    Facet, INDEX, LISTING, ListedAttempt, ListedScene, Listing, Place, REPORT, Shelf, is_page, scene_file, shared_files,
+    INDEX, LISTING, ListedAttempt, ListedScene, Listing, Place, REPORT, Shelf, is_page, scene_file, shared_files,
 };
-use schema::{AttemptRecord, Outcome, SceneRows, Vec3};
+use schema::{AttemptRecord, SceneRows};
 use shards::Dataset;
 
 use crate::replay::{Replays, of_scene};
 use crate::statistics::report;
 use crate::view::scene_view;
-
-/// Degrees of a range of angles, and the ranges.
-const ANGLE_DEG: f32 = 30.0;
-const ANGLES: [&str; 6] = ["0 to 30°", "30 to 60°", "60 to 90°", "90 to 120°", "120 to 150°", "150 to 180°"];
 
 /// Makes the folder, or empties one that has such pages.
 fn begin(folder: &Path) -> Result<(), Failure> {
@@ -56,7 +52,7 @@ pub fn browse(
     on_page: &dyn Fn(),
 ) -> Result<Replays, Failure> {
     let files = scenes.iter().map(|scene| scene_file(*scene)).collect();
-    let mut lists = Lists::begin(folder, Shelf::Scenes, &FACETS, files)?;
+    let mut lists = Lists::begin(folder, Shelf::Scenes, files)?;
     let mut done = Replays::default();
     let info = dataset.info();
     let (mut cards, mut attempts) = (Vec::new(), 0);
@@ -66,7 +62,7 @@ pub fn browse(
             let rows = rows?;
             let view = scene_view(info, dataset.id(), &rows);
             let replays = done.kept(|| if has_replays { of_scene(dataset, &rows, &view) } else { Ok(Vec::new()) });
-            let listed = rows.attempts.iter().map(|attempt| (listed(attempt), values(&rows, attempt))).collect();
+            let listed = rows.attempts.iter().map(listed).collect();
             let id = rows.scene.scene_id;
             lists.add(id, format!("scene {id}"), &view, listed, replays)?;
             cards.push(card(&rows));
@@ -75,13 +71,13 @@ pub fn browse(
         }
     }
     write(folder, REPORT, &report(dataset)?.page(dataset).html())?;
-    let facets = lists.finish()?;
-    write(folder, INDEX, &index(dataset, facets, cards, attempts).html())?;
+    lists.finish()?;
+    write(folder, INDEX, &index(dataset, cards, attempts).html())?;
     Ok(done)
 }
 
 /// The page of all scenes.
-fn index(dataset: &Dataset, facets: Vec<Facet>, cards: Vec<Card>, attempts: usize) -> Document {
+fn index(dataset: &Dataset, cards: Vec<Card>, attempts: usize) -> Document {
     let (info, name) = (dataset.info(), dataset.location().name());
     let [scenes, of_scenes] = [cards.len() as u64, info.scene_count].map(grouped);
     let [attempts, of_attempts] = [attempts as u64, info.attempt_count].map(grouped);
@@ -93,7 +89,7 @@ fn index(dataset: &Dataset, facets: Vec<Facet>, cards: Vec<Card>, attempts: usiz
     let blocks = vec![
         Block::Text(text),
         Block::Links(vec![("Report: what the whole dataset holds".to_owned(), REPORT.to_owned())]),
-        Block::Filter(facets),
+        Block::Filter,
         Block::Gallery(cards),
     ];
     let footer = format!("graspmill dataset browse, Graspmill {}; dataset {}", env!("CARGO_PKG_VERSION"), dataset.id());
@@ -121,67 +117,31 @@ fn listed(attempt: &AttemptRecord) -> ListedAttempt {
     }
 }
 
-/// What attempts can be chosen by, in the order of the values of [`values`], and the order of the choices where neither
-/// their names nor their numbers give it.
-const FACETS: [(&str, &[&str]); 5] =
-    [("outcome", &[]), ("shape", &[]), ("rule", &[]), ("approach off vertical", &ANGLES), ("objects in scene", &[])];
-/// The choice that is none if there are no others.
-pub(crate) const UNKNOWN: &str = "not measured";
-
-fn values(scene: &SceneRows, attempt: &AttemptRecord) -> [String; FACETS.len()] {
-    let target = scene.objects.get(attempt.object_id as usize);
-    let down = -(attempt.workspace_from_grasp.rotation * Vec3::Z).z;
-    let angle_deg = libm::acosf(down.clamp(-1.0, 1.0)).to_degrees();
-    [
-        attempt.outcome.name().to_owned(),
-        target.map_or_else(String::new, |object| object.shape.name().to_owned()),
-        attempt.rule.name().to_owned(),
-        ANGLES[((angle_deg / ANGLE_DEG) as usize).min(ANGLES.len() - 1)].to_owned(),
-        scene.objects.len().to_string(),
-    ]
-}
-
-/// The pages of a folder while they are written, and the attempts on them by their properties; choices are those that
-/// were met, in order.
+/// The pages of a folder while they are written, and the attempts on them.
 pub(crate) struct Lists<'a> {
     folder: &'a Path,
     shelf: Shelf,
-    facets: &'static [(&'static str, &'static [&'static str])],
     files: Vec<String>,
-    choices: Vec<Vec<String>>,
     scenes: Vec<ListedScene>,
 }
 
 impl<'a> Lists<'a> {
     /// Makes or empties the folder of the pages with these names.
-    pub(crate) fn begin(
-        folder: &'a Path,
-        shelf: Shelf,
-        facets: &'static [(&'static str, &'static [&'static str])],
-        files: Vec<String>,
-    ) -> Result<Self, Failure> {
+    pub(crate) fn begin(folder: &'a Path, shelf: Shelf, files: Vec<String>) -> Result<Self, Failure> {
         begin(folder)?;
-        Ok(Self { folder, shelf, facets, files, choices: vec![Vec::new(); facets.len()], scenes: Vec::new() })
+        Ok(Self { folder, shelf, files, scenes: Vec::new() })
     }
 
-    /// Writes the next page: a scene with its attempts, of each a value for each facet, and their replays.
-    pub(crate) fn add<const N: usize>(
+    /// Writes the next page: a scene with its attempts and their replays.
+    pub(crate) fn add(
         &mut self,
         id: u64,
         name: String,
         view: &View,
-        attempts: Vec<(ListedAttempt, [String; N])>,
+        attempts: Vec<ListedAttempt>,
         replays: Vec<String>,
     ) -> Result<(), Failure> {
-        let mut place = |(choices, value): (&mut Vec<String>, &String)| {
-            let found = choices.iter().position(|choice| choice == value);
-            found.unwrap_or_else(|| (choices.push(value.clone()), choices.len() - 1).1) as u32
-        };
-        let mut row = |(attempt, values): &(ListedAttempt, [String; N])| {
-            [attempt.attempt].into_iter().chain(self.choices.iter_mut().zip(values).map(&mut place)).collect()
-        };
-        let rows: Vec<Vec<u32>> = attempts.iter().map(&mut row).collect();
-        let attempts: Vec<ListedAttempt> = attempts.into_iter().map(|(attempt, _)| attempt).collect();
+        let rows = attempts.iter().map(|attempt| (attempt.attempt, attempt.outcome)).collect();
         let (at, file) = (self.scenes.len(), self.files[self.scenes.len()].clone());
         let place = Place {
             shelf: self.shelf,
@@ -195,40 +155,12 @@ impl<'a> Lists<'a> {
         Ok(())
     }
 
-    /// Writes what the pages share, and gives what can be chosen by.
-    pub(crate) fn finish(self) -> Result<Vec<Facet>, Failure> {
-        let folder = self.folder;
+    /// Writes what the pages share.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
         for (name, text) in shared_files() {
-            write(folder, name, &text)?;
+            write(self.folder, name, &text)?;
         }
-        let listing = self.listing();
-        write(folder, LISTING, &listing.script())?;
-        Ok(listing.facets)
-    }
-
-    /// The listing, its choices in the order in which people read them, without what nothing is known of.
-    fn listing(mut self) -> Listing {
-        let mut facets = Vec::new();
-        for (at, ((name, order), met)) in self.facets.iter().zip(&self.choices).enumerate().rev() {
-            let rows = self.scenes.iter_mut().flat_map(|scene| &mut scene.attempts);
-            if met.iter().all(|choice| choice == UNKNOWN) {
-                rows.for_each(|row| {
-                    row.remove(at + 1);
-                });
-                continue;
-            }
-            let mut choices = met.clone();
-            choices.sort_by_key(|choice| {
-                let place = order.iter().position(|other| other == choice);
-                (Outcome::from_name(choice), place, choice.parse::<usize>().ok(), choice.clone())
-            });
-            let place = |choice| choices.iter().position(|other| other == choice).unwrap_or_default() as u32;
-            let places: Vec<u32> = met.iter().map(place).collect();
-            rows.for_each(|row| row[at + 1] = places[row[at + 1] as usize]);
-            facets.push(Facet { name: (*name).to_owned(), choices });
-        }
-        facets.reverse();
-        Listing { shelf: self.shelf, facets, scenes: self.scenes }
+        write(self.folder, LISTING, &Listing { shelf: self.shelf, scenes: self.scenes }.script())
     }
 }
 
@@ -252,26 +184,15 @@ mod tests {
         let scenes: Vec<SceneRows> = (0..3).map(|scene| synthetic::scene_rows(scene, info.seed, &info)).collect();
         let place = tempfile::tempdir().unwrap();
         let files = ["a", "b", "c"].map(str::to_owned).to_vec();
-        let mut lists = Lists::begin(place.path(), Shelf::Scenes, &FACETS, files).unwrap();
+        let mut lists = Lists::begin(place.path(), Shelf::Scenes, files).unwrap();
         for scene in &scenes {
-            let rows = scene.attempts.iter().map(|attempt| (listed(attempt), values(scene, attempt))).collect();
+            let rows = scene.attempts.iter().map(listed).collect();
             lists.add(scene.scene.scene_id, String::new(), &View::new(""), rows, Vec::new()).unwrap();
         }
-        let listing = lists.listing();
-        let names: Vec<&str> = listing.facets.iter().map(|facet| facet.name.as_str()).collect();
-        assert_eq!(names, FACETS.map(|(name, _)| name));
-        for (scene, listed) in scenes.iter().zip(&listing.scenes) {
-            assert_eq!((scene.scene.scene_id, scene.attempts.len()), (listed.id, listed.attempts.len()));
-            for (attempt, row) in scene.attempts.iter().zip(&listed.attempts) {
-                assert_eq!(row[0], attempt.attempt_id);
-                let told = |facet: usize| listing.facets[facet].choices[row[facet + 1] as usize].as_str();
-                assert_eq!((told(0), told(2)), (attempt.outcome.name(), attempt.rule.name()));
-                assert_eq!(told(1), scene.objects[attempt.object_id as usize].shape.name());
-                assert_eq!(told(4), scene.objects.len().to_string());
-            }
+        for (scene, listed) in scenes.iter().zip(&lists.scenes) {
+            let rows: Vec<_> = scene.attempts.iter().map(|attempt| (attempt.attempt_id, attempt.outcome)).collect();
+            assert_eq!((scene.scene.scene_id, rows), (listed.id, listed.attempts.clone()));
         }
-        let outcomes = &listing.facets[0].choices;
-        assert!(outcomes.iter().filter_map(|name| Outcome::from_name(name)).is_sorted(), "{outcomes:?}");
     }
 
     #[test]

@@ -2,18 +2,14 @@
 // Chooses among the scenes of scenes.js, and shows replays. Choice and replay stand in the page's address, so that links
 // and the way back keep them.
 (() => {
-  const { shelf, facets, scenes } = listing;
+  const { shelf, scenes } = listing;
   const byId = (id) => document.getElementById(id);
   const wanted = new URLSearchParams(location.hash.slice(1));
-  const chosen = () => facets.map(({ name, choices }) => choices.indexOf(wanted.get(name) ?? ""));
-  const matching = (scene) => {
-    const choice = chosen();
-    return scene.attempts.filter(([, ...values]) => choice.every((one, at) => one < 0 || values[at] === one));
-  };
+  const outcome = () => wanted.get("outcome");
+  const matching = (scene) => scene.attempts.filter(([, own]) => !outcome() || own === outcome());
   // The choice as the end of an address.
   const hash = (...more) => {
-    const names = facets.map((facet) => facet.name).filter((name) => wanted.get(name));
-    const text = [...names.map((name) => [name, wanted.get(name)].map(encodeURIComponent).join("=")), ...more].join("&");
+    const text = [...(outcome() ? [`outcome=${encodeURIComponent(outcome())}`] : []), ...more].join("&");
     return text && `#${text}`;
   };
   const byNumber = new Map(scenes.map((scene) => [scene.id, scene]));
@@ -74,8 +70,7 @@
     const link = row.querySelector("a");
     if (link) link.href = play(row.dataset.attempt);
   }
-  const names = facets.map((facet) => wanted.get(facet.name)).filter(Boolean);
-  if (byId("chosen")) byId("chosen").textContent = names.length ? `${wantedHere.size} of ${names.join(", ")}` : "";
+  if (byId("chosen")) byId("chosen").textContent = outcome() ? `${wantedHere.size} of ${outcome()}` : "";
   addEventListener("keydown", (event) => {
     const link = { n: byId("next"), p: byId("previous") }[event.key];
     if (link && !link.hidden && !event.ctrlKey && !event.metaKey && !event.altKey) location.href = link.href;

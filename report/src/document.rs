@@ -9,8 +9,6 @@ mod plain;
 
 use schema::Outcome;
 
-use crate::view::folder::Facet;
-
 /// A result that is described.
 #[derive(Debug, Clone, Default)]
 pub struct Document {
@@ -39,8 +37,8 @@ pub enum Block {
     Gallery(Vec<Card>),
     /// Pages beside this one: words and file; on pages only.
     Links(Vec<(String, String)>),
-    /// What the cards of scenes in the gallery below can be chosen by; on pages of a folder only.
-    Filter(Vec<Facet>),
+    /// A choice of outcomes, by which the cards in the gallery below are shown; on pages of a folder only.
+    Filter,
     /// A program's input in the language that is named.
     Code(&'static str, String),
 }

@@ -163,7 +163,7 @@ def test_a_scene_turns_and_a_replay_plays(browser, pages) -> None:
     assert said == []
 
 
-def test_filters_choose_scenes_and_the_choice_leads_to_replays(browser, pages) -> None:
+def test_an_outcome_chooses_scenes_and_leads_to_replays(browser, pages) -> None:
     page, said = opened(browser, pages, "index")
     cards = page.locator(".gallery figure:visible")
     assert cards.count() == len(list(pages["index"].parent.glob("scene-*.html")))
@@ -185,7 +185,7 @@ def test_filters_choose_scenes_and_the_choice_leads_to_replays(browser, pages) -
     assert page.locator("#scrub").input_value() != before, "it plays at once"
     page.locator("#next").click()
     page.wait_for_function("([first]) => !document.title.startsWith(first)", arg=[f"{first}:"])
-    assert ": held" in page.title(), "the next one is chosen by the same filter"
+    assert ": held" in page.title(), "the next one has the chosen outcome"
     page.get_by_text("all scenes").click()
     page.wait_for_selector("#filter")
     assert page.locator("select[name=outcome]").input_value() == "held"

@@ -14,8 +14,8 @@ use crate::progress::style;
 /// Attempts that are shown of a large dataset unless more scenes are asked for: their pages take about 100 MB.
 const ATTEMPTS: u64 = 24_000;
 
-/// Write scenes as pages that lead to each other: all scenes with filters, each in 3-D with its depth images and a
-/// replay of every attempt, the report. Of a folder of objects annotate: all objects, each with its grasps and replays.
+/// Write scenes as pages that lead to each other: all scenes, each in 3-D with its depth images and a replay of every
+/// attempt, the report. Of a folder of objects annotate: all objects, each with its grasps and replays.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL, or the folder of objects annotate.

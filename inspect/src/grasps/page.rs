@@ -12,7 +12,7 @@ use schema::{Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose};
 
 use super::stored::read_grasp_set;
 use super::{free_share, grasp_sets};
-use crate::browse::{Lists, UNKNOWN, write};
+use crate::browse::{Lists, write};
 use crate::replay::{Replays, of_object};
 use crate::spread::spread;
 
@@ -21,21 +21,6 @@ use crate::spread::spread;
 const SHOWN: [usize; 2] = [200, 24];
 const SHOWN_OF_ALL: usize = 24_000;
 
-/// What grasps can be chosen by, in the order of the values of [`values`].
-const FACETS: [(&str, &[&str]); 4] = [
-    ("outcome", &[]),
-    ("source", &[]),
-    ("strongest pull", &["below 1 g", "1 to 4 g", "4 to 16 g", "16 g and more", UNKNOWN]),
-    ("repeats that hold", &["all", "half or more", "less than half", UNKNOWN]),
-];
-
-fn values(grasp: &ObjectGrasp) -> [String; FACETS.len()] {
-    let pull = grasp.margins.map(|margins| [1.0, 4.0, 16.0].iter().filter(|g| margins.tug_max_g >= **g).count());
-    let share = grasp.p_held.map(|share| if share >= 1.0 { 0 } else { 1 + usize::from(share < 0.5) });
-    let named = |facet: usize, place: Option<usize>| place.map_or(UNKNOWN, |place| FACETS[facet].1[place]);
-    [grasp.outcome.name(), grasp.source.name(), named(2, pull), named(3, share)].map(str::to_owned)
-}
-
 /// Writes the pages of the sets of these names in a folder, in order, as [`crate::browse`] does for scenes. A set at a
 /// time is in memory.
 ///
@@ -43,7 +28,7 @@ fn values(grasp: &ObjectGrasp) -> [String; FACETS.len()] {
 /// If `out` has files of others, a set cannot be read, or a file not written.
 pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: bool) -> Result<Replays, Failure> {
     let files = names.iter().map(|name| object_file(name)).collect();
-    let mut lists = Lists::begin(out, Shelf::Objects, &FACETS, files)?;
+    let mut lists = Lists::begin(out, Shelf::Objects, files)?;
     let mut done = Replays::default();
     let [most, least] = SHOWN;
     let count = (SHOWN_OF_ALL / names.len().max(1)).clamp(least, most);
@@ -56,13 +41,13 @@ pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: b
         let listed = |number: &u64| {
             let grasp = &set.grasps[*number as usize];
             let (id, words) = (number.to_string(), words(&set, grasp));
-            (ListedAttempt { attempt: *number as u32, id, outcome: grasp.outcome, words }, values(grasp))
+            ListedAttempt { attempt: *number as u32, id, outcome: grasp.outcome, words }
         };
         lists.add(at as u64, name.clone(), &view, numbers.iter().map(listed).collect(), replays)?;
         cards.push(card(&set, name));
         (shown, all) = (shown + numbers.len(), all + set.grasps.len());
     }
-    let facets = lists.finish()?;
+    lists.finish()?;
     let objects = grasp_sets(folder)?.len();
     let text = format!(
         "{} of {objects} objects, with {} of {} grasps. A name leads to its object, which can be turned; a \
@@ -71,7 +56,7 @@ pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: b
         grouped(shown as u64),
         grouped(all as u64)
     );
-    let blocks = vec![Block::Text(text), Block::Filter(facets), Block::Gallery(cards)];
+    let blocks = vec![Block::Text(text), Block::Filter, Block::Gallery(cards)];
     let footer = format!("graspmill dataset browse, Graspmill {}", env!("CARGO_PKG_VERSION"));
     write(out, INDEX, &Document { title: "Grasps of objects".to_owned(), blocks, footer }.html())?;
     Ok(done)

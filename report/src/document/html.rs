@@ -5,7 +5,7 @@ use program::text::grouped;
 use schema::Outcome;
 
 use crate::assets::{OUTCOMES, PAGE_STYLE};
-use crate::view::folder::{self, Facet};
+use crate::view::folder;
 
 use super::{Block, Card, Cell, Document, Table};
 
@@ -71,7 +71,7 @@ impl Block {
             Self::Links(links) => {
                 html! { p class="links" { @for (words, file) in links { a href=(file) { (words) } " " } } }
             }
-            Self::Filter(facets) => filter(facets),
+            Self::Filter => filter(),
             Self::Code(language, code) => html! {
                 details { summary { (language) } pre { code { (code.trim_end()) } } }
             },
@@ -79,16 +79,14 @@ impl Block {
     }
 }
 
-/// Choices that the page's scripts act on; nothing without scripts, for then all is shown.
-fn filter(facets: &[Facet]) -> Markup {
+/// A choice that the page's scripts act on; nothing without scripts, for then all is shown.
+fn filter() -> Markup {
     html! {
         form #filter hidden {
-            @for facet in facets {
-                label { (facet.name) " " select name=(facet.name) {
-                    option value="" { "all" }
-                    @for choice in &facet.choices { option { (choice) } }
-                } }
-            }
+            label { "outcome " select name="outcome" {
+                option value="" { "all" }
+                @for outcome in Outcome::ALL { option { (outcome.name()) } }
+            } }
             output #found {}
         }
         script src=(folder::LISTING) {}

@@ -37,7 +37,7 @@ impl Block {
             Self::Warnings(lines) => lines.iter().map(|line| format!("- {line}\n")).collect(),
             Self::Tiles(tiles) => tiles.iter().map(|(value, what)| format!("- {value}: {what}\n")).collect(),
             Self::Table(table) => table.markdown(),
-            Self::Gallery(_) | Self::Links(_) | Self::Filter(_) => String::new(),
+            Self::Gallery(_) | Self::Links(_) | Self::Filter => String::new(),
             Self::Code(language, code) => fenced(language, code),
         }
     }
@@ -51,7 +51,7 @@ impl Block {
                 Table::new(["", ""], tiles.iter().map(row)).text()
             }
             Self::Table(table) => table.text(),
-            Self::Gallery(_) | Self::Links(_) | Self::Filter(_) => String::new(),
+            Self::Gallery(_) | Self::Links(_) | Self::Filter => String::new(),
             Self::Code(_, code) => format!("{}\n", code.trim_end()),
         }
     }

@@ -8,6 +8,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
+use schema::Outcome;
 use serde::Serialize;
 
 use super::View;
@@ -111,22 +112,11 @@ pub fn shared_files() -> [(&'static str, String); 3] {
     ]
 }
 
-/// A property of attempts that they can be chosen by.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Facet {
-    /// Its name.
-    pub name: String,
-    /// Its values.
-    pub choices: Vec<String>,
-}
-
 /// The scenes, or objects, of a folder with their attempts, for its scripts.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Listing {
     /// What the scenes are.
     pub shelf: Shelf,
-    /// Properties of attempts.
-    pub facets: Vec<Facet>,
     /// The scenes in the order of their pages.
     pub scenes: Vec<ListedScene>,
 }
@@ -140,8 +130,8 @@ pub struct ListedScene {
     pub name: String,
     /// Its page.
     pub file: String,
-    /// For each attempt its number, then for each facet the place of its value among the choices.
-    pub attempts: Vec<Vec<u32>>,
+    /// The number of each attempt, and how it ended.
+    pub attempts: Vec<(u32, Outcome)>,
 }
 
 impl Listing {
@@ -176,7 +166,7 @@ pub struct ListedAttempt {
     /// Its id: `7/19`.
     pub id: String,
     /// How it ended.
-    pub outcome: schema::Outcome,
+    pub outcome: Outcome,
     /// What else there is to say.
     pub words: String,
 }
@@ -222,12 +212,11 @@ mod tests {
 
     #[test]
     fn a_listing_is_a_script_of_one_constant() {
-        let facets = vec![Facet { name: "outcome".to_owned(), choices: vec!["held".to_owned()] }];
         let (name, file) = ("scene 7".to_owned(), scene_file(7));
-        let scenes = vec![ListedScene { id: 7, name, file, attempts: vec![vec![19, 0]] }];
-        let script = Listing { shelf: Shelf::Scenes, facets, scenes }.script();
+        let scenes = vec![ListedScene { id: 7, name, file, attempts: vec![(19, Outcome::Held)] }];
+        let script = Listing { shelf: Shelf::Scenes, scenes }.script();
         let json = script.strip_prefix("const listing = ").and_then(|rest| rest.strip_suffix(";\n")).unwrap();
         let back: serde_json::Value = serde_json::from_str(json).unwrap();
-        assert_eq!(back["scenes"][0]["attempts"][0], serde_json::json!([19, 0]));
+        assert_eq!(back["scenes"][0]["attempts"][0], serde_json::json!([19, "held"]));
     }
 }
