@@ -37,7 +37,7 @@ say "done in $((SECONDS - start)) s; open these"
 cat <<END
 scenes, report and replays    $folder/pages/index.html
 a plan from depth images      $folder/plan.html
-the training's curves         $run/accuracy.svg
+the training's numbers        $run/metrics.jsonl
 the dataset's card            $data/README.md      (DuckDB, polars, pyarrow and datasets open it: docs/reading.md)
 
 next: docs/tutorial.md; the paper's 200,000 attempts: $bin/graspmill generate --shards 64 --out data/grasps

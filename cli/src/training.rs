@@ -1,7 +1,6 @@
 //! Commands that train networks and evaluate them.
 
 mod console;
-mod curves;
 pub(crate) mod evaluate;
 pub(crate) mod fit;
 mod report;

@@ -302,6 +302,6 @@ fn a_fence_stops_what_it_should() {
     assert!(names_crate("use ply_rs_bw::x;", "ply-rs-bw"));
 
     assert_eq!(reached("planner/src/serve/tests.rs", "../../../report/fonts/x.ttf"), "report");
-    assert_eq!(reached("report/src/figure.rs", "../fonts/x.ttf"), "report");
+    assert_eq!(reached("report/src/assets.rs", "../fonts/x.ttf"), "report");
     assert_eq!(reached("planner/src/config.rs", "../../configs/plan/paper.toml"), "configs");
 }

@@ -5,8 +5,6 @@
 //! last.safetensors     weights, optimiser, progress: what --resume continues from
 //! best.safetensors     weights of the best epoch so far
 //! metrics.jsonl        one line per epoch
-//! loss.svg             the losses by epoch, drawn by the program from metrics.jsonl
-//! accuracy.svg         the accuracies by epoch, drawn from metrics.jsonl
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -32,7 +30,7 @@ pub struct RunFolder {
 
 const CONFIG: &str = "config.toml";
 /// What epochs were like, a line of JSON each.
-pub const METRICS: &str = "metrics.jsonl";
+const METRICS: &str = "metrics.jsonl";
 
 impl RunFolder {
     /// Opens a folder for a run. A new or empty folder begins a run; a folder with a run of this recipe is resumed if
@@ -148,7 +146,7 @@ const TEXT_BYTES_MAX: u64 = 64 << 20;
 ///
 /// # Errors
 /// If it cannot be read.
-pub fn read_metrics(run: &Path) -> Result<String, Failure> {
+pub(crate) fn read_metrics(run: &Path) -> Result<String, Failure> {
     let path = run.join(METRICS);
     if path.exists() { read_text(&path) } else { Ok(String::new()) }
 }

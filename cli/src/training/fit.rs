@@ -8,12 +8,10 @@ use program::{Context, ExitCode, Failure, print, start_threads, stop_on_signals}
 use shards::Location;
 use trainer::config::Config;
 use trainer::device::DeviceName;
-use trainer::events::Event;
 use trainer::fit::{Ending, Job, fit};
 use trainer::run_folder::SavedAs;
 
 use super::console::Screen;
-use super::curves::draw_curves;
 use crate::parse::LocationParser;
 
 /// Train a network, or continue training it
@@ -26,7 +24,7 @@ pub(crate) struct Arguments {
     /// The recipe [default: the built-in configs/train/paper.toml].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// The run's folder: checkpoints, metrics (metrics.jsonl), curves (loss.svg, accuracy.svg).
+    /// The run's folder: checkpoints and metrics (metrics.jsonl).
     #[arg(long)]
     run: PathBuf,
     /// Continue from the run's last checkpoint, or begin if there is none.
@@ -57,14 +55,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let (data, run, device) = (arguments.data.as_slice(), arguments.run.as_path(), arguments.device.open()?);
     let job = Job { data, config: &config, run, from: from.as_ref(), resume: arguments.resume, device: &device };
     let screen = Screen::new(&config);
-    let ending = fit(&job, &stop, &|event| {
-        screen.show(&event);
-        if matches!(event, Event::Epoch(_))
-            && let Err(error) = draw_curves(run)
-        {
-            tracing::warn!("the curves are not drawn: {error}");
-        }
-    })?;
+    let ending = fit(&job, &stop, &|event| screen.show(&event))?;
     screen.end();
     match ending {
         Ending::Done => {
@@ -73,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             let next = if let [one] = data { one.to_string() } else { "ANOTHER".to_owned() };
             print(format_args!(
                 "\nbest weights  {}\n\
-                 metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg\n\
+                 metrics       {run}/metrics.jsonl\n\
                  next          graspmill evaluate --run {run} --data {next}\n",
                 best.display()
             ))?;
