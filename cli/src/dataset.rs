@@ -1,7 +1,6 @@
 //! `graspmill dataset`: look at datasets, and take care of their files.
 
 pub(crate) mod browse;
-mod export;
 mod finalize;
 mod missing;
 mod repeat;
@@ -13,6 +12,8 @@ use clap::Subcommand;
 use program::{ExitCode, Failure};
 use shards::Location;
 
+use crate::parse::{Elsewhere, others_do};
+
 /// Verify, report on, show, export and complete datasets of grasp attempts
 #[derive(Debug, Subcommand)]
 #[command(after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
@@ -22,7 +23,10 @@ pub(crate) enum Command {
     Browse(browse::Arguments),
     Replay(replay::Arguments),
     Repeat(repeat::Arguments),
-    Export(export::Arguments),
+    /// Write the dataset or its scenes in formats of others: VGN's, Parquet for old readers, MJCF, URDF, USD
+    ///
+    /// The program of the Python package does it: `pip install graspmill`, then the same command
+    Export(Elsewhere),
     Missing(missing::Arguments),
     Finalize(finalize::Arguments),
 }
@@ -48,7 +52,7 @@ impl Command {
             Self::Browse(arguments) => browse::run(arguments),
             Self::Replay(arguments) => replay::run(arguments),
             Self::Repeat(arguments) => repeat::run(arguments),
-            Self::Export(_) => export::run(),
+            Self::Export(_) => Err(others_do("exports", "")),
             Self::Missing(arguments) => missing::run(arguments),
             Self::Finalize(arguments) => finalize::run(arguments),
         }

@@ -12,7 +12,7 @@ macro_rules! one_of {
 pub(crate) use one_of;
 
 #[cfg(feature = "full")]
-pub(crate) use full::{LocationParser, between, others_do};
+pub(crate) use full::{Elsewhere, LocationParser, between, others_do};
 
 #[cfg(feature = "full")]
 mod full {
@@ -23,7 +23,7 @@ mod full {
 
     use clap::builder::TypedValueParser;
     use clap::error::ErrorKind;
-    use clap::{Arg, Command, Error};
+    use clap::{Arg, Args, Command, Error};
     use program::{ExitCode, Failure};
     use shards::Location;
 
@@ -43,6 +43,15 @@ mod full {
             "the program of the Python package {what}: pip install graspmill{extras}, then run the same command"
         );
         Failure::new(ExitCode::Usage, text)
+    }
+
+    // Its variant says what the command does.
+    #[derive(Debug, Args)]
+    #[command(disable_help_flag = true)]
+    pub(crate) struct Elsewhere {
+        /// As the program of the Python package takes them.
+        #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
+        _words: Vec<String>,
     }
 
     /// Reads a [`Location`]. An error leaves out the text, which may hold a secret.
