@@ -35,7 +35,6 @@ paper=("${closings[@]}" --set "model=$here/models/paper-200k.safetensors")
 eq8=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.9)
 lower=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.7)
 surest=(--set plan.ranking.policy=vgn-best --set plan.detection.quality_min=0.7)
-seen=("${lower[@]}" --set plan.detection.closing=seen)
 scaled=(--set plan.cloud.scale_to_table=true)
 # The judge's objects on the experiments' table: the scenes' grid must have the planner's voxels.
 mkdir -p "$out"
@@ -50,7 +49,6 @@ voxels() {
     run "$1-closings" "$1" "$1: head by closing, 0.9, Eq. 8" "${@:2}" "${closings[@]}" "${eq8[@]}"
     run "$1-closings-lower" "$1" "$1: head by closing, 0.7, Eq. 8" "${@:2}" "${closings[@]}" "${lower[@]}"
     run "$1-closings-surest" "$1" "$1: head by closing, 0.7, surest first" "${@:2}" "${closings[@]}" "${surest[@]}"
-    run "$1-closings-seen" "$1" "$1: head by closing, closing as seen, 0.7, Eq. 8" "${@:2}" "${closings[@]}" "${seen[@]}"
     run "$1-vgn" "$1" "$1: VGN, 0.9" "${@:2}" "${vgn[@]}"
     run "$1-vgn-half" "$1" "$1: VGN, 0.5" "${@:2}" "${vgn[@]}" "${half[@]}"
 }

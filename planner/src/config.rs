@@ -156,9 +156,6 @@ words! {
     pub enum ClosingBy {
         /// The network.
         Predicted = "predicted",
-        /// What was seen between the fingers: the grasp is turned about the network's approach to where that is
-        /// narrowest, and put in its middle. Grasps that close on nothing, or whose way is not free, are dropped.
-        Observed = "seen",
     }
 }
 
@@ -309,7 +306,7 @@ mod tests {
         let negative = problems(&BuiltIn::Paper.text().replace("points_max = 5", "points_max = -5"));
         assert_eq!(negative, ["collision.points_max must be a whole number between 0 and 1000000, got -5"]);
         let closing = problems(&BuiltIn::Paper.text().replace("closing = \"predicted\"", "closing = \"left\""));
-        assert_eq!(closing, ["detection.closing must be one of predicted, seen, got left"]);
+        assert_eq!(closing, ["detection.closing must be one of predicted, got left"]);
         assert_eq!(
             problems(&BuiltIn::Paper.text().replace("width_voxels_max = 9.33", "width_voxels_max = 1.0")).len(),
             1

@@ -7,7 +7,7 @@ use crate::config::{Config, JudgeParams};
 use crate::gripper_volume::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::PlanOptions;
-use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
+use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason};
 use crate::steady::put_first;
 use crate::timing::{Timings, timed};
 use crate::volume::Workspace;
@@ -74,7 +74,7 @@ impl Method for Judge {
         selected(judged, proposed, request)
     }
 
-    fn settle(&self, candidates: &mut Candidates, _: &SegmentedCloud, request: &Request<'_>) {
+    fn settle(&self, candidates: &mut Candidates, request: &Request<'_>) {
         let reached = candidates.stages.last().map_or(0, |stage| stage.count);
         let none = request.none_found(&candidates.dropped, reached);
         candidates.end_stage("found", none);

@@ -10,7 +10,7 @@ use crate::doubt::Doubts;
 use crate::gripper_volume::are_alike;
 use crate::limits::Limiter;
 use crate::observation::{Limits, PlanOptions};
-use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
+use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason};
 use crate::timing::Timings;
 use crate::volume::Workspace;
 use crate::width::Widths;
@@ -29,9 +29,8 @@ pub(crate) trait Method: Debug + Send + Sync {
         timings_ms: &mut Timings,
     ) -> Candidates;
 
-    /// What needs the segmented cloud, which is made at the same time as the candidates; ends with the stage of those
-    /// that are left.
-    fn settle(&self, candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<'_>);
+    /// Ends with the stage of those that are left.
+    fn settle(&self, candidates: &mut Candidates, request: &Request<'_>);
 }
 
 /// What was asked for.
@@ -95,7 +94,6 @@ impl Request<'_> {
         let of = |is_meant: fn(&RejectReason) -> bool| dropped.iter().filter(|one| is_meant(&one.reason)).count();
         let limited = format!("are beyond the limits that were asked for{}", self.beyond_limits(" (", ")"));
         let parts = [
-            (of(|reason| *reason == RejectReason::NoClosing), "close on nothing that was seen"),
             (of(|reason| *reason == RejectReason::Avoided), "are like grasps that failed"),
             (of(|reason| matches!(reason, RejectReason::Limited { .. })), &limited),
         ];

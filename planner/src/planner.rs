@@ -263,7 +263,7 @@ impl Planner {
 
     fn rank(&self, mut candidates: Candidates, segments: Segments, seen: Seen, request: &Request<'_>) -> Plan {
         let (options, (cloud, mut objects)) = (request.options, segments);
-        self.method.settle(&mut candidates, &cloud, request);
+        self.method.settle(&mut candidates, request);
         let (collision, found) = (&self.config.collision, candidates.grasps.len());
         if options.check_collisions.unwrap_or(collision.check) {
             let sweep = GripperVolume::swept(&self.config.gripper, collision);

@@ -3,21 +3,17 @@
 
 pub mod detect;
 
-mod closing;
-
 use grasps::ObservedScene;
 use network::{DenseGrids, DenseNetwork, GraspOrigin};
-use rayon::prelude::*;
-use schema::{Grasp, Grid, Pose, Quat, Vec3, pose_from_parts};
+use schema::{Grid, Pose, Quat, Vec3, pose_from_parts};
 
-use crate::config::{ClosingBy, Config};
+use crate::config::Config;
 use crate::gripper_volume::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::observation::PlanOptions;
-use crate::plan::{DroppedCandidate, PointLabel, RankedGrasp, RejectReason, SegmentedCloud};
+use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason};
 use crate::timing::{Timings, timed};
 use crate::volume::Workspace;
-use closing::Closer;
 use detect::{Detected, Detection, Side, detect};
 
 /// A network of voxels, and where it has a grasp's origin.
@@ -66,11 +62,8 @@ impl Method for VoxelMethod {
         }
     }
 
-    fn settle(&self, candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<'_>) {
+    fn settle(&self, candidates: &mut Candidates, request: &Request<'_>) {
         let detections = candidates.grasps.len();
-        if request.config.detection.closing == ClosingBy::Observed {
-            close(candidates, cloud, request);
-        }
         candidates
             .drop_where(|ranked| request.is_avoided(&ranked.workspace_from_grasp).then_some(RejectReason::Avoided));
         let poses: Vec<Pose> = candidates.grasps.iter().map(|ranked| ranked.workspace_from_grasp).collect();
@@ -101,20 +94,4 @@ impl VoxelMethod {
         let pose = towards_wrist(&workspace_from_grasp, request.options.wrist());
         RankedGrasp::new(pose, Some(width_m), quality, Some(voxel))
     }
-}
-
-/// Closes each grasp on what was seen; those that close on nothing are dropped.
-fn close(candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<'_>) {
-    let Config { gripper, collision, .. } = request.config;
-    let things = cloud.points_m.iter().zip(&cloud.labels).filter(|(_, label)| **label != PointLabel::Plane);
-    let closer = Closer::new(gripper, collision, &cloud.points_m, things.map(|(point, _)| *point).collect());
-    let closed: Vec<Option<Grasp>> =
-        candidates.grasps.par_iter().map(|ranked| closer.closed(&ranked.workspace_from_grasp)).collect();
-    let mut closed = closed.into_iter();
-    candidates.drop_where(|ranked| {
-        let Some(grasp) = closed.next().flatten() else { return Some(RejectReason::NoClosing) };
-        ranked.workspace_from_grasp = towards_wrist(&grasp.workspace_from_grasp, request.options.wrist());
-        ranked.width_m = Some(grasp.width_m);
-        None
-    });
 }
