@@ -24,7 +24,6 @@ pub mod layers;
 pub mod receptive_field;
 pub mod upsampling;
 mod voxel;
-mod windows;
 
 pub use architecture::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, Kind, VoxelParams};
 pub use dense::{DenseGrids, DenseNetwork};

@@ -110,8 +110,8 @@ pub const WORKSPACE_M: RangeInclusive<f32> = 0.2..=1.2;
 /// Options of a request; all have defaults.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PlanOptions {
-    /// The side of the workspace, in [`WORKSPACE_M`]; by default that of a network of voxels, and as far as the
-    /// settings reach for a judge.
+    /// The side of a judge's workspace, in [`WORKSPACE_M`]; by default as far as the settings reach. Networks of voxels
+    /// have their own.
     pub workspace_size_m: Option<f32>,
     /// The workspace is on the table, which is to be found: poses are in the first camera's frame, or a cloud is in its
     /// sensor's.

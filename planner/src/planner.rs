@@ -14,7 +14,7 @@ use crate::config::{BuiltIn, Config, Policy};
 use crate::doubt::{Doubt, Doubts, cuts};
 use crate::frame::{self, FoundTable};
 use crate::gripper_volume::GripperVolume;
-use crate::input::{InputError, read_file};
+use crate::input::{InputError, read_file, refuse};
 use crate::limits::{Limiter, Walls, WillDo, near_points, object_points, seen_points};
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::objects::{each_first, tell};
@@ -163,6 +163,12 @@ impl Planner {
         options: &PlanOptions,
         will_do: &WillDo<'_>,
     ) -> Result<Plan, InputError> {
+        if self.config.network != BuiltIn::Judge && options.workspace(&self.grid) != self.grid {
+            let (name, side_m) = (self.config.network.name(), self.grid.size_m);
+            return refuse(format!(
+                "must be {side_m} for the network {name}, which answers for voxels: workspace_size_m"
+            ));
+        }
         let (seed, mut timings_ms) = (self.config.seed, Vec::new());
         let mut warnings: Vec<String> = self.warning.iter().cloned().collect();
         frame::check_object(observation, options.limits.target.as_ref())?;

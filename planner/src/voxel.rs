@@ -24,8 +24,8 @@ pub(crate) struct VoxelMethod {
 }
 
 impl Method for VoxelMethod {
-    fn workspace(&self, _: &Config, options: &PlanOptions) -> Workspace {
-        Workspace::cube(options.workspace(&Grid::PAPER))
+    fn workspace(&self, _: &Config, _: &PlanOptions) -> Workspace {
+        Workspace::cube(Grid::PAPER)
     }
 
     fn candidates(
@@ -35,9 +35,9 @@ impl Method for VoxelMethod {
         request: &Request<'_>,
         timings_ms: &mut Timings,
     ) -> Candidates {
-        let (grid, params) = (&request.options.workspace(&Grid::PAPER), &request.config.detection);
+        let (grid, params) = (&Grid::PAPER, &request.config.detection);
         let values = &seen.field.values;
-        let grids = timed(timings_ms, "network", || self.network.infer_over(grid.resolution, values));
+        let grids = timed(timings_ms, "network", || self.network.infer(values));
         let detected: Detected = timed(timings_ms, "detect", || {
             let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::expf(-logit));
             let quality: Vec<f32> = grids.quality_logit.iter().map(sigmoid).collect();

@@ -23,7 +23,7 @@ class PlanOptions(TypedDict, total=False):
     """Options of a plan. Points, poses and directions are in the workspace.
 
     Attributes:
-        workspace_size_m: Side of the workspace, 0.2 to 1.2; by default 0.3 of networks of voxels, of a judge all within its reach.
+        workspace_size_m: Side of a judge's workspace, 0.2 to 1.2; by default all within its reach. Networks of voxels have 0.3.
         down: The direction of gravity ``[3]`` in the first camera's or the cloud's frame; by default it stands upright and looks down.
         base_from_camera: ``[4, 4]``, ``[7]`` or ``[3]``, the first camera or the cloud's, where the table is found: grasps are also
             given in the robot's base, and gravity is along its -z unless ``down`` is given.

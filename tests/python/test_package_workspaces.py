@@ -1,4 +1,4 @@
-"""Workspaces of other sizes: from Python, from the command line, for both kinds of networks."""
+"""Workspaces of other sizes: from Python, from the command line, for judges; networks of voxels have their own."""
 
 import functools
 
@@ -39,16 +39,14 @@ def held_near(scene, plan):
     return [int(held[np.linalg.norm(tips - place, axis=1) < 0.05].sum()) for place in np.array(PLACES)], held.mean()
 
 
-def test_networks_of_voxels_grasp_what_stands_far_out_in_a_larger_workspace():
-    scene, depths, cameras = wide()
+def test_networks_of_voxels_look_at_their_own_workspace():
+    _, depths, cameras = wide()
     planner = graspmill.Planner("vgn")
-    small = planner.plan(depths, cameras)
+    small = planner.plan(depths, cameras, workspace_size_m=0.3)
     assert small.workspace_from_grasp[:, :2, 3].max() < 0.3 + 0.001
     assert small.answer["region"] == {"low_m": [0, 0, 0], "high_m": pytest.approx([0.3] * 3), "table_z_m": pytest.approx(0.05)}
-    plan = planner.plan(depths, cameras, workspace_size_m=0.45, check_collisions=True)
-    assert plan.answer["region"] == {"low_m": [0, 0, 0], "high_m": pytest.approx([0.45] * 3), "table_z_m": pytest.approx(0.05)}
-    near, _ = held_near(scene, plan)
-    assert sum(count > 0 for count in near) >= 4, near
+    for size_m in (0.2, 0.45):
+        refused("must be 0.3 for the network vgn", lambda: planner.plan(depths, cameras, workspace_size_m=size_m))
 
 
 @pytest.mark.parametrize("size_m", [None, 0.45])
@@ -101,20 +99,13 @@ def test_a_scene_in_a_corner_is_planned_as_in_a_workspace_of_its_own(size_m):
         assert graspmill.execute(scene, plan.workspace_from_grasp[:10]).held.all()
 
 
-@pytest.mark.parametrize("config", ["judge", "vgn"])
-def test_the_command_line_plans_the_same(tmp_path, config):
-    scene, depths, cameras = wide()
+def test_the_command_line_plans_the_same(tmp_path):
+    _, depths, cameras = wide()
     tsdf = graspmill.tsdf(depths, cameras, resolution=60, size_m=0.45)
-    plan = graspmill.Planner(config).plan_tsdf(tsdf, workspace_size_m=0.45)
+    plan = graspmill.Planner().plan_tsdf(tsdf, workspace_size_m=0.45)
     assert len(plan) and plan.answer["region"]["high_m"] == pytest.approx([0.45] * 3)
     np.save(tmp_path / "grid.npy", tsdf)
-    assert planned("--tsdf", tmp_path / "grid.npy", "--workspace-size", "0.45", "--config", config) == plan.answer
-
-
-def test_a_cloud_is_seen_to_the_border_of_a_larger_workspace():
-    points = np.array([[x, y, 0.05] for x in np.arange(0, 0.6, 0.004) for y in np.arange(0, 0.6, 0.004)], np.float32)
-    cloud = graspmill.Planner("vgn").plan_cloud(points, eyes_m=[(0.3, 0.3, 1.2)], workspace_size_m=0.6)
-    assert len(cloud) == 0 and cloud.answer["region"]["high_m"] == pytest.approx([0.6] * 3) and cloud.cloud()[:, 0].max() > 0.59
+    assert planned("--tsdf", tmp_path / "grid.npy", "--workspace-size", "0.45") == plan.answer
 
 
 def test_sizes_that_cannot_be_are_refused():

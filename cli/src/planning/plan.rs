@@ -104,8 +104,8 @@ pub(crate) struct Arguments {
     #[arg(long)]
     explain: bool,
 
-    /// Side of the workspace, 0.2 to 1.2 m, in which objects stand and are grasped [default: what is seen within
-    /// reach; for networks of voxels 0.3]
+    /// Side of a judge's workspace, 0.2 to 1.2 m, in which objects stand and are grasped [default: what is seen within
+    /// reach]
     #[arg(long, value_name = "M")]
     workspace_size: Option<f64>,
 
