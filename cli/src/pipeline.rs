@@ -11,8 +11,7 @@ use network::checkpoint;
 use program::{Context, ExitCode, Failure, print, stop_on_signals, write};
 
 use crate::execute;
-use crate::parse::one_of;
-use steps::{MANY_GRIPPERS, Objects, Pipeline, Views, is_known, must_answer_for};
+use steps::{MANY_GRIPPERS, Objects, Pipeline, is_known, must_answer_for};
 
 /// Make a judge for a gripper, from data to weights
 ///
@@ -33,9 +32,6 @@ pub(crate) struct Arguments {
     /// Attempts of all rounds together.
     #[arg(long, default_value_t = 1_500_000, value_parser = clap::value_parser!(u64).range(3_600..=1_000_000_000))]
     attempts: u64,
-    /// From where the scenes are seen.
-    #[arg(long, value_parser = one_of!(Views), default_value = Views::Anywhere.name())]
-    views: Views,
     /// Objects to which half of the attempts go: a catalogue's file (docs/own-objects.md), or household for the kinds
     /// of docs/household-objects.md, of which a third is kept for a test.
     #[arg(long, value_name = "FILE")]
@@ -77,7 +73,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         from,
         seed: arguments.seed,
         attempts: arguments.attempts,
-        views: arguments.views,
         objects: match arguments.objects.as_deref() {
             None => None,
             Some(word) if word == Path::new("household") => Some(Objects::Household),

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use network::checkpoint::{self, Checkpoint};
 use program::{Failure, command_line};
 use schema::{Grid, Gripper, Grippers};
-use settings::{Document, settings, words};
+use settings::{Document, settings};
 use toml::{Table, Value};
 use trainer::config::JUDGE;
 
@@ -52,22 +52,6 @@ const SPANNED: &str = "spanned_share=0.75";
 const VIABLE: &str = "objects.viable_only=true";
 /// Rounds of an experiment, on a seed that nothing is tuned on.
 const ROUNDS: u32 = 100;
-
-words! {
-    /// From where scenes are seen.
-    pub(crate) enum Views {
-        /// From everywhere, by one to six cameras: `configs/generate/judge.toml`.
-        Anywhere = "anywhere",
-        /// By one camera from the side.
-        Side = "side",
-        /// By one camera from above.
-        Above = "above",
-        /// By one camera at the wrist.
-        Wrist = "wrist",
-        /// By three to six cameras around.
-        Ring = "ring",
-    }
-}
 
 settings! {
     struct Held {
@@ -120,8 +104,6 @@ pub(crate) struct Pipeline {
     /// Weights of a judge that answers for the gripper, by their absolute path: there is one round with its choices,
     /// and training goes on from them. Without them there are two rounds, and training begins with random weights.
     pub(crate) from: Option<PathBuf>,
-    /// Where the cameras are.
-    pub(crate) views: Views,
     /// Objects to which half of the attempts go.
     pub(crate) objects: Option<Objects>,
 }
@@ -190,9 +172,6 @@ impl Pipeline {
         let mut document = Document::parse(GENERATE[0], Path::new(GENERATE[1]))?;
         let table = document.table_mut();
         table.insert("gripper".to_owned(), Value::String(self.gripper.clone()));
-        if let Some(kind) = self.views.view_kind(table) {
-            table.insert("view_kinds".to_owned(), Value::Array(vec![Value::Table(kind)]));
-        }
         if let Some(catalogue) = catalogue {
             // A catalogue of somebody may have nothing of these sizes.
             if self.objects != Some(Objects::Household) {
@@ -320,23 +299,6 @@ impl Pipeline {
     }
 }
 
-impl Views {
-    /// The kind of views in the generator's settings, for all scenes; none for all kinds. They have no names there: a
-    /// test compares their places with the comments.
-    fn view_kind(self, table: &Table) -> Option<Table> {
-        let place = match self {
-            Self::Anywhere => return None,
-            Self::Side => 0,
-            Self::Above => 1,
-            Self::Wrist => 2,
-            Self::Ring => 4,
-        };
-        let mut kind = table.get("view_kinds")?.as_array()?.get(place)?.as_table()?.clone();
-        kind.insert("share".to_owned(), Value::Float(1.0));
-        Some(kind)
-    }
-}
-
 /// The grippers of a name or a file.
 fn grippers(named: &str) -> Result<Grippers, Failure> {
     let text = Table::from_iter([("gripper".to_owned(), Value::String(named.to_owned()))]).to_string();
@@ -377,14 +339,13 @@ mod tests {
     use super::*;
     use crate::Graspmill;
 
-    fn pipeline(gripper: &str, objects: Option<Objects>, views: Views) -> Pipeline {
+    fn pipeline(gripper: &str, objects: Option<Objects>) -> Pipeline {
         Pipeline {
             gripper: gripper.to_owned(),
             out: PathBuf::from("/out"),
             seed: 7,
             attempts: 90_000,
             from: None,
-            views,
             objects,
         }
     }
@@ -396,7 +357,7 @@ mod tests {
 
     #[test]
     fn a_pipeline_is_two_rounds_a_test_and_experiments() {
-        let steps = pipeline("wsg_50", None, Views::Anywhere).steps().unwrap();
+        let steps = pipeline("wsg_50", None).steps().unwrap();
         assert_eq!(
             kinds(&steps),
             [&["generate", "fit", "generate", "fit", "generate", "evaluate"][..], &["experiment"; 4]].concat()
@@ -416,7 +377,7 @@ mod tests {
     #[test]
     fn steps_are_commands_of_this_program() {
         let objects = Objects::File(PathBuf::from("/my things.toml"));
-        for step in pipeline("wsg_50", Some(objects), Views::Anywhere).steps().unwrap() {
+        for step in pipeline("wsg_50", Some(objects)).steps().unwrap() {
             if let Err(error) = Graspmill::try_parse_from(&step.words) {
                 panic!("{}: {error}", step.command());
             }
@@ -437,7 +398,7 @@ mod tests {
         assert!(is_known("wsg_50").unwrap());
         assert!(!is_known("any_jaw").unwrap(), "for several grippers it is a peer");
         let from = PathBuf::from("/out/from.safetensors");
-        let pipeline = Pipeline { from: Some(from.clone()), ..pipeline("wsg_50", None, Views::Anywhere) };
+        let pipeline = Pipeline { from: Some(from.clone()), ..pipeline("wsg_50", None) };
         let steps = pipeline.steps().unwrap();
         assert_eq!(kinds(&steps), [&["generate", "fit", "generate", "evaluate"][..], &["experiment"; 4]].concat());
         let first = steps[0].command();
@@ -466,40 +427,17 @@ mod tests {
 
     #[test]
     fn a_judge_of_many_grippers_is_tried_with_each_built_in_one() {
-        let pipeline = pipeline("any_jaw", None, Views::Anywhere);
+        let pipeline = pipeline("any_jaw", None);
         assert_eq!(pipeline.tried_grippers().unwrap().len(), Gripper::BUILT_IN.len());
         assert_eq!(pipeline.steps().unwrap().len(), 6 + 4 * Gripper::BUILT_IN.len());
         assert_eq!(file(&pipeline, "plan-wsg_50.toml")["gripper"].as_str(), Some("wsg_50"));
     }
 
     #[test]
-    fn kinds_of_views_are_those_of_the_comments() {
-        let comments = GENERATE[0].split("[[view_kinds]]").skip(1).map(|part| part.lines().next().unwrap());
-        let places: Vec<&str> = comments.map(|line| line.trim_start_matches([' ', '#'])).collect();
-        for (views, place) in [
-            (Views::Side, "one from the side, as GIGA's"),
-            (Views::Above, "one from above"),
-            (Views::Wrist, "one from the wrist"),
-            (Views::Ring, "a ring"),
-        ] {
-            let table: Table = GENERATE[0].parse().unwrap();
-            let at = places.iter().position(|named| *named == place).unwrap();
-            let mut expected = table["view_kinds"][at].as_table().unwrap().clone();
-            expected.insert("share".to_owned(), Value::Float(1.0));
-            assert_eq!(views.view_kind(&table), Some(expected), "{place}");
-        }
-    }
-
-    #[test]
-    fn views_and_objects_are_those_asked_for() {
-        let pipeline = pipeline("wsg_50", Some(Objects::File(PathBuf::from("/things.toml"))), Views::Side);
+    fn objects_are_those_asked_for() {
+        let pipeline = pipeline("wsg_50", Some(Objects::File(PathBuf::from("/things.toml"))));
         let [plain, things] = ["generate.toml", "generate-objects.toml"].map(|name| file(&pipeline, name));
         for generate in [&plain, &things] {
-            let kinds = generate["view_kinds"].as_array().unwrap();
-            assert_eq!(
-                (kinds.len(), kinds[0]["share"].as_float(), kinds[0]["counts"].to_string()),
-                (1, Some(1.0), "[1, 1]".to_owned())
-            );
             let shares = generate["shares"].as_table().unwrap().values().filter_map(Value::as_float);
             assert!((shares.sum::<f64>() - 1.0).abs() < 1e-9);
         }
