@@ -17,8 +17,6 @@ const TEXTS: [&str; BuiltIn::ALL.len()] = [
 
 words! {
     /// A way to plan that comes with the program, with its weights.
-    #[derive(Deserialize)]
-    #[serde(rename_all = "kebab-case")]
     pub enum BuiltIn {
         /// A judge answers for grasp candidates: the default.
         Judge = "judge",

@@ -45,4 +45,4 @@ pub use limits::WillDo;
 pub use observation::{
     Ball, Cone, FindTable, Limits, Mask, Observation, PlanOptions, PoseKey, Target, View, WORKSPACE_M, plane,
 };
-pub use planner::{Planner, Planners};
+pub use planner::Planner;

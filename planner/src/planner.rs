@@ -2,7 +2,7 @@
 
 use std::mem::take;
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use grasps::{Judge, ObservedScene};
 use network::{Architecture, DenseNetwork, VoxelParams, checkpoint};
@@ -69,37 +69,6 @@ pub struct Planner {
     pub grid: Grid,
     /// A warning for every plan.
     pub(crate) warning: Option<String>,
-}
-
-/// A planner, and beside it those that come with the program, for requests that name one; each is made when it is first
-/// asked for.
-#[derive(Debug)]
-pub struct Planners {
-    /// The planner of requests that name none.
-    pub own: Planner,
-    named: [OnceLock<Result<Planner, Failure>>; BuiltIn::ALL.len()],
-}
-
-impl Planners {
-    /// The planners beside `own`.
-    #[must_use]
-    pub fn new(own: Planner) -> Self {
-        Self { own, named: [const { OnceLock::new() }; BuiltIn::ALL.len()] }
-    }
-
-    /// The planner of a request. Its gripper is always that of the own planner.
-    ///
-    /// # Errors
-    /// If the named settings' network was not trained for that gripper.
-    pub fn of(&self, named: Option<BuiltIn>) -> Result<&Planner, InputError> {
-        let Some(named) = named else { return Ok(&self.own) };
-        let make = || {
-            let gripper = self.own.config.gripper.clone();
-            Planner::built_in(Config { gripper, ..named.config()? })
-        };
-        let made = self.named[named as usize].get_or_init(make);
-        made.as_ref().map_err(|failure| InputError::Value(format!("{failure}: config")))
-    }
 }
 
 impl Planner {

@@ -29,8 +29,8 @@ use tower_http::timeout::TimeoutLayer;
 use self::connection::converse;
 use self::fault::Fault;
 use self::planning::Planned;
+use crate::Planner;
 use crate::timing::ms_since;
-use crate::{Planner, Planners};
 
 mod connection;
 mod fault;
@@ -100,11 +100,11 @@ pub fn serve(
     on_listening: &dyn Fn(SocketAddr),
 ) -> Result<(), Failure> {
     let (model, config) = (model::answer(&planner), predict::config(&planner, options.grasp_frame));
-    let planners = Arc::new(Planners::new(planner));
-    let (same, frame) = (Arc::clone(&planners), options.grasp_frame);
+    let planner = Arc::new(planner);
+    let (same, frame) = (Arc::clone(&planner), options.grasp_frame);
     let work = Work {
-        plan: Box::new(move |body| planning::plan_bytes(&planners, body)),
-        predict: Box::new(move |body| predict::predict_bytes(&same.own, frame, body)),
+        plan: Box::new(move |body| planning::plan_bytes(&planner, body)),
+        predict: Box::new(move |body| predict::predict_bytes(&same, frame, body)),
         model,
         config,
     };

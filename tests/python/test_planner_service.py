@@ -24,13 +24,6 @@ def test_health_readiness_and_model(service):
     assert model["config"] == shipped
 
 
-def test_a_request_may_name_settings_that_come_with_the_planner(service):
-    status, _, answer = service.plan(demo_request() | {"config": "vgn"})
-    assert status == 200 and json.loads(answer)["model"] != json.loads(service.ask("GET", "/v1/model")[2])["model"]
-    status, _, answer = service.plan(demo_request() | {"config": "best"})
-    assert status == 422 and b"expected one of `judge`, `paper`, `vgn`: config" in answer
-
-
 def test_every_key_of_an_answer_is_described(service):
     page = (ROOT / "docs" / "plan-format.md").read_text()
     base = {"position_m": [1.0, 0.0, 0.0], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}

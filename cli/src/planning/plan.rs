@@ -7,7 +7,7 @@ use planner::input::{
     BoxInput, ConeInput, InputError, OrientationInput, PoseInput, PosePartsInput, ReadLens, Request, RequestInput,
     SourceInput, ViewInput, assemble, from_file, read_color, read_file, read_intrinsics,
 };
-use planner::{Planners, Policy, View, demo};
+use planner::{Policy, View, demo};
 use program::{ExitCode, Failure, json, print, print_error, write};
 use schema::Grid;
 
@@ -174,10 +174,8 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let planners = Planners::new(arguments.network.planner()?);
-    let Request { observation, config, options, warnings } = request(arguments, planners.own.grid)?;
-    // The command line counts more than the file.
-    let planner = planners.of(config.filter(|_| arguments.network.config.is_none()))?;
+    let planner = arguments.network.planner()?;
+    let Request { observation, options, warnings } = request(arguments, planner.grid)?;
     let mut plan = planner.plan(&observation, &options)?;
     plan.warnings.extend(warnings);
     if let Some(path) = &arguments.html {
@@ -311,7 +309,7 @@ Instead of intrinsics for all, each view may have its own. A pose may be a matri
 a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base. With
 workspace_from_camera = \"table\" in the first view the table is found, other views have first_from_camera, and base_from_camera
 beside the views is the first camera's pose in the base's frame.
-tsdf or cloud (with eyes_m) may stand in place of views. The options config, policy, grasps_max, check_collisions, each, previous, explain, avoid,
+tsdf or cloud (with eyes_m) may stand in place of views. The options policy, grasps_max, check_collisions, each, previous, explain, avoid,
 workspace_from_wrist, workspace_size_m, avoid_objects, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";
 
 const EXAMPLES: &str = "\

@@ -17,7 +17,7 @@ use crate::input::mask::read_mask;
 use crate::input::options::options;
 use crate::input::request::{RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
 use crate::input::tsdf::read_tsdf;
-use crate::{BuiltIn, Mask, Observation, PlanOptions, PoseKey, Target, View};
+use crate::{Mask, Observation, PlanOptions, PoseKey, Target, View};
 
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
@@ -27,8 +27,6 @@ const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
 pub struct Request {
     /// The observation.
     pub observation: Observation,
-    /// The settings, if not the planner's.
-    pub config: Option<BuiltIn>,
     /// The options.
     pub options: PlanOptions,
     /// Warnings about unusual but valid input.
@@ -72,7 +70,7 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
             return refuse(format!("{key} goes with {whole}: {key}"));
         }
     }
-    Ok(Request { observation, config: input.config, options, warnings: assembly.warnings })
+    Ok(Request { observation, options, warnings: assembly.warnings })
 }
 
 /// Whether the table is to be found: `"table"` stands for the pose of the first view, or of the cloud.
@@ -425,7 +423,6 @@ mod tests {
             ("/tsdf", base64(b""), "exactly one of views, tsdf and cloud, got 2"),
             ("/eyes_m", json!([[0, 0, 0]]), "eyes_m goes with cloud"),
             ("/policy", json!("best"), "expected one of `paper`, `vgn-random`, `vgn-best`: policy"),
-            ("/config", json!("best"), "unknown variant `best`, expected one of `judge`, `paper`, `vgn`: config"),
             ("/grasps_max", json!(0), "must be between 1 and 10000, got 0: grasps_max"),
             ("/grasps_max", json!(-1), ": grasps_max"),
             ("/avoid", json!([[1]]), ": avoid"),

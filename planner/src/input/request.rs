@@ -10,11 +10,11 @@ use serde::de::{DeserializeOwned, IgnoredAny, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::error::Category;
 
+use crate::Policy;
 use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput};
 use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
 use crate::input::lists::{at_most, maybe_numbers, numbers, rows};
-use crate::{BuiltIn, Policy};
 
 /// Maximum number of views of a request.
 pub(crate) const VIEWS_MAX: usize = 32;
@@ -63,8 +63,6 @@ pub struct RequestInput {
     pub base_from_workspace: Option<PoseInput>,
     /// The wrist's orientation now, in the workspace: of a grasp and its half turn the nearer one is given.
     pub workspace_from_wrist: Option<OrientationInput>,
-    /// Settings that come with the planner, with their weights, in place of its own: `judge`, `paper` or `vgn`.
-    pub config: Option<BuiltIn>,
     /// The order of the grasps: `paper`, `vgn-random` or `vgn-best`.
     pub policy: Option<Policy>,
     /// Whether grasps that collide with the cloud are dropped.

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::fault::Fault;
 use crate::timing::ms_since;
-use crate::{Planners, input};
+use crate::{Planner, input};
 
 /// A serialised answer.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,16 +29,15 @@ impl Planned {
 }
 
 /// Parses a request, plans, and serialises the answer.
-pub(super) fn plan_bytes(planners: &Planners, body: &[u8]) -> Result<Planned, Fault> {
+pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Fault> {
     let started = Instant::now();
     // Text that is not JSON is 400; JSON that is not a request or has wrong values is 422.
-    let request = input::from_json(body, planners.own.grid).map_err(|error| {
+    let request = input::from_json(body, planner.grid).map_err(|error| {
         let status = if error.is_syntax() { StatusCode::BAD_REQUEST } else { StatusCode::UNPROCESSABLE_ENTITY };
         Fault::new(status, error.to_string())
     })?;
     let parse_ms = ms_since(started);
-    let planner = planners.of(request.config);
-    let plan = planner.and_then(|planner| planner.plan(&request.observation, &request.options));
+    let plan = planner.plan(&request.observation, &request.options);
     let mut plan = plan.map_err(|error| Fault::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))?;
     plan.warnings.extend(request.warnings);
     Planned::new(&plan, parse_ms, &plan.timings_ms)

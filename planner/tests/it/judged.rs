@@ -4,9 +4,7 @@ use std::path::{Path, PathBuf};
 
 use planner::gripper_volume::WRIST_DOWN;
 use planner::plan::{Plan, RejectReason};
-use planner::{
-    BuiltIn, Cone, Config, FindTable, Limits, Observation, PlanOptions, Planner, Planners, Policy, Target, demo, input,
-};
+use planner::{BuiltIn, Cone, Config, FindTable, Limits, Observation, PlanOptions, Planner, Target, demo, input};
 use program::ExitCode;
 use schema::{Grid, Gripper, Outcome, Pose, Vec3, VoxelGrid};
 
@@ -272,30 +270,6 @@ fn weights_of_the_other_kind_are_refused_and_both_are_named() {
         let text = error.to_string();
         assert!(text.contains(&format!("\"{}\"", named.name())) && text.contains(model), "{text}");
     }
-}
-
-#[test]
-fn a_request_may_name_other_settings_and_keeps_the_planners_gripper() {
-    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
-    let planners = Planners::new(judge(config()));
-    let model = |named| {
-        let plan = planners.of(named).unwrap().plan(&observation, &PlanOptions::default()).unwrap();
-        (plan.model, plan.policy)
-    };
-    let [own, same, paper, vgn] = [None, Some(BuiltIn::Judge), Some(BuiltIn::Paper), Some(BuiltIn::Vgn)].map(model);
-    assert_eq!(own, same);
-    assert!(own != paper && paper.0 != vgn.0 && paper.1 == Policy::Paper);
-    let other = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
-    let planners =
-        Planners::new(Planner::built_in(Config { gripper: other, ..BuiltIn::Paper.config().unwrap() }).unwrap());
-    for named in [BuiltIn::Vgn, BuiltIn::Judge] {
-        assert_eq!(planners.of(Some(named)).unwrap().config.gripper.name, "robotiq_2f_85");
-    }
-    let huge = Gripper { opening_m_max: 0.3, palm_breadth_m: 0.3, name: "huge".to_owned(), ..config().gripper };
-    let planners =
-        Planners::new(Planner::built_in(Config { gripper: huge, ..BuiltIn::Paper.config().unwrap() }).unwrap());
-    let error = planners.of(Some(BuiltIn::Judge)).unwrap_err().to_string();
-    assert!(error.contains("huge") && error.ends_with(": config"), "{error}");
 }
 
 /// The three faces of a box of 40 x 40 x 60 mm, 0.6 m before a camera that looks down at it; no table.
