@@ -34,7 +34,7 @@ pub(crate) enum Command {
 const EXAMPLES: &str = "\
 Examples:
   graspmill dataset verify grasps               read and check everything
-  graspmill dataset report grasps               statistics with bars
+  graspmill dataset report grasps               statistics
   graspmill dataset report grasps --json        the same for programs
   graspmill dataset report grasps --html r.html the same as a page
   graspmill dataset browse grasps --out pages   scenes, replays and the report as pages that lead to each other

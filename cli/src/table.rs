@@ -1,7 +1,7 @@
 //! The result of a run as terminal text.
 
 use generator::Report;
-use program::text::{bar, grouped, percent, ratio};
+use program::text::{grouped, percent, ratio};
 use schema::Outcome;
 use shards::{Counts, Finalized, Location};
 
@@ -87,7 +87,7 @@ fn counted(counts: &Counts) -> String {
     for outcome in Outcome::ALL {
         let count = counts.outcome(outcome);
         let share = count as f64 / labels.attempts.max(1) as f64;
-        text += &line(outcome.name(), &format!("{:>9}  {:>6}  {}", grouped(count), percent(share), bar(share, 30)));
+        text += &line(outcome.name(), &format!("{:>9}  {:>6}", grouped(count), percent(share)));
     }
     let reasons = format!("{} unsettled, {} empty, {} unstable", rejected.unsettled, rejected.empty, rejected.unstable);
     text + &line("rejected scenes", &format!("{} ({reasons})", grouped(rejected.total())))

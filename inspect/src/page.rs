@@ -105,7 +105,7 @@ fn outcomes(report: &Report) -> Section {
 
 fn positives(report: &Report) -> Section {
     let text = "Which attempts held: by the target's shape, by the rule that drew the grasp, by clutter, by direction, and by the opening of \
-                fingers that closed, at the end of the hold if held, else when closing stopped. Bars show the share that held. The last \
+                fingers that closed, at the end of the hold if held, else when closing stopped. The share is of those that held. The last \
                 distance also holds what is further, and lone objects.";
     let blocks = vec![
         groups("shape", &report.shapes),

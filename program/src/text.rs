@@ -69,14 +69,6 @@ pub fn error_chain(error: &(dyn Error + 'static)) -> String {
     text
 }
 
-/// A bar of at most `width` characters, in eighths of one.
-#[must_use]
-pub fn bar(share: f64, width: usize) -> String {
-    const EIGHTHS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
-    let eighths = (share.clamp(0.0, 1.0) * width as f64 * 8.0).round() as usize; // at most 8 · width
-    format!("{}{}", "█".repeat(eighths / 8), EIGHTHS[eighths % 8])
-}
-
 /// Splits an argument such as `views.count=3`.
 ///
 /// # Errors
@@ -96,8 +88,5 @@ mod tests {
         assert_eq!([12, 2_048, 12_345_678].map(bytes), ["12 B", "2.0 KiB", "11.8 MiB"]);
         assert_eq!(ratio(10, 30), "1 : 3.00");
         assert_eq!(ratio(0, 40), "0 : 40");
-        assert_eq!(bar(0.5, 4), "██");
-        assert_eq!(bar(0.03, 4), "▏");
-        assert_eq!(bar(f64::NAN, 4), "");
     }
 }

@@ -1,11 +1,8 @@
 //! Documents as Markdown and as a terminal's text.
 
-use program::text::{bar, grouped, markdown_table};
+use program::text::{grouped, markdown_table};
 
 use super::{Block, Cell, Document, Table};
-
-/// Characters of the longest bar.
-const BAR: usize = 24;
 
 impl Document {
     /// The document as Markdown, for files and for what is printed as such.
@@ -73,15 +70,10 @@ impl Table {
             let own = self.rows.iter().map(|row| row.get(column).unwrap_or(&empty));
             let cells: Vec<&Cell> = [&head].into_iter().chain(own).collect();
             let width = cells.iter().map(|cell| cell.words().chars().count()).max().unwrap_or(0);
-            let has_bar = cells.iter().any(|cell| matches!(cell, Cell::Bar(..)));
             for (line, cell) in lines.iter_mut().zip(cells) {
                 let words = cell.words();
                 *line +=
                     &if self.is_right(column) { format!("{words:>width$}  ") } else { format!("{words:<width$}  ") };
-                if has_bar {
-                    let share = if let Cell::Bar(share, _) = cell { *share } else { 0.0 };
-                    *line += &format!("{:<BAR$}  ", bar(share, BAR));
-                }
             }
         }
         let has_head = self.head.iter().any(|head| !head.is_empty());
@@ -157,7 +149,7 @@ mod tests {
         )));
         let expected = "Title\n\nWords.\n\nCounts\n\n\
                         what       count  share\n\
-                        long name  1,200   50 %  ████████████\n\
+                        long name  1,200   50 %\n\
                         d              7    0 %\n";
         assert_eq!(document.text(), expected);
     }
