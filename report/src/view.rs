@@ -34,22 +34,6 @@ pub struct View {
     pub facts: Vec<Fact>,
     /// Classes that are hidden until the reader selects them.
     pub hidden: Vec<String>,
-    /// What lines can be coloured by; none in most views.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub measures: Vec<Measure>,
-}
-
-/// A number that is known of some lines, from weak to strong.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Measure {
-    /// Its name, with its unit.
-    pub name: String,
-    /// The numbers that have the first and the last colour.
-    pub range: [f32; 2],
-    /// Whether a colour stands for a ratio rather than for a difference.
-    pub is_ratio: bool,
-    /// A number for each line, in the order of [`View::lines`].
-    pub values: Vec<Option<f32>>,
 }
 
 /// A convex polyhedron.

@@ -47,21 +47,6 @@
     table: { name: "table", rgb: () => (isDark.matches ? [58, 66, 74] : [232, 235, 238]) },
   };
   const style = (item) => STYLES[item.class] ?? { name: item.class, rgb: grey };
-  // Viridis without the end that would be lost on the ground: from weak to strong.
-  const RAMP = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
-  const ramp = (share) => {
-    const place = (isDark.matches ? 0.28 + 0.72 * share : 0.86 * share) * (RAMP.length - 1), low = Math.min(RAMP.length - 2, Math.floor(place));
-    return RAMP[low].map((from, i) => from + (RAMP[low + 1][i] - from) * (place - low));
-  };
-  // What lines are coloured by, if not by their outcome.
-  let measure = null;
-  const hueOf = (line) => {
-    if (!measure || line.class !== "held") return style(line).rgb();
-    const value = measure.values[view.lines.indexOf(line)] ?? null;
-    if (value === null) return grey();
-    const [at, low, high] = [value, ...measure.range].map((number) => (measure.is_ratio ? Math.log(Math.max(number, 1e-6)) : number));
-    return ramp(Math.min(1, Math.max(0, (at - low) / (high - low || 1))));
-  };
   const rgba = ([r, g, b], alpha = 1) => `rgba(${r | 0},${g | 0},${b | 0},${alpha})`;
 
   const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
@@ -238,9 +223,9 @@
     }
     pen.lineWidth = (look.wide ?? 1) + (line === marked ? 2.2 : 0);
     pen.lineCap = "round";
-    pen.strokeStyle = rgba(hueOf(line), line === marked ? 0.5 : 0.16);
+    pen.strokeStyle = rgba(style(line).rgb(), line === marked ? 0.5 : 0.16);
     pen.stroke(near[1]);
-    pen.strokeStyle = rgba(hueOf(line), 0.95);
+    pen.strokeStyle = rgba(style(line).rgb(), 0.95);
     pen.stroke(near[0]);
     traced.push({ line, spots });
   }
@@ -391,24 +376,6 @@
     count.textContent = items.some((i) => i.frames) ? "" : number(items);
     row.append(box, spot, style(items[0]).name, count);
     byId("legend").append(row);
-  }
-
-  // What colours grasps.
-  const chooser = byId("measure"), measures = view.measures ?? [];
-  const paintScale = () => {
-    measure = measures[chooser.value] ?? null;
-    byId("scale").hidden = !measure;
-    const [from, bar, to] = byId("scale").children;
-    bar.style.background = `linear-gradient(90deg, ${[0, 0.25, 0.5, 0.75, 1].map((share) => rgba(ramp(share))).join(", ")})`;
-    [from.textContent, to.textContent] = measure ? measure.range.map((number) => Number(number.toPrecision(3))) : ["", ""];
-    redraw();
-  };
-  if (chooser && !measures.length) byId("measures").hidden = true;
-  else if (chooser) {
-    chooser.onchange = paintScale;
-    isDark.addEventListener("change", paintScale);
-    chooser.value = "0";
-    paintScale();
   }
 
   // The player.

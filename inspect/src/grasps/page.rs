@@ -7,7 +7,7 @@ use program::Failure;
 use program::text::{grouped, percent};
 use report::document::{Block, Card, Document};
 use report::view::folder::{INDEX, ListedAttempt, Shelf, object_file};
-use report::view::{Body, Class, Line, Measure, View};
+use report::view::{Body, Class, Line, View};
 use schema::{Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose};
 
 use super::stored::read_grasp_set;
@@ -69,8 +69,7 @@ fn card(set: &ObjectGrasps, name: &str) -> Card {
     Card { title: name.to_owned(), caption, link: object_file(name) }
 }
 
-/// An object with some of its grasps as forks, those that held last. A fork says what is known of its grasp, and can
-/// have the colour of how well it holds.
+/// An object with some of its grasps as forks, those that held last. A fork says what is known of its grasp.
 fn grasps_view(set: &ObjectGrasps, numbers: &[u64]) -> View {
     let held = grouped(set.count(Outcome::Held) as u64);
     let mut view = View::new(format!("{}: {held} of {} grasps held", set.name, grouped(set.grasps.len() as u64)));
@@ -78,25 +77,12 @@ fn grasps_view(set: &ObjectGrasps, numbers: &[u64]) -> View {
     view.bodies.extend(set.parts.iter().map(part));
     let is_held = |number: &u64| set.grasps[*number as usize].outcome == Outcome::Held;
     let (last, first): (Vec<u64>, Vec<u64>) = numbers.iter().partition(|number| is_held(number));
-    let drawn = || first.iter().chain(&last);
-    for number in drawn() {
+    for number in first.iter().chain(&last) {
         let grasp = &set.grasps[*number as usize];
         let (pose, width_m) = (&grasp.object_from_grasp, grasp.width_m.unwrap_or(set.gripper.opening_m_max));
         let class = Class::Grasp(grasp.outcome);
         view.lines.push(Line::fork(class, label(set, *number, grasp), &set.gripper, pose, width_m));
     }
-    let measured = |value: &dyn Fn(&ObjectGrasp) -> Option<f32>| -> Vec<Option<f32>> {
-        drawn().map(|number| value(&set.grasps[*number as usize])).collect()
-    };
-    view.measures.extend(
-        [
-            measure("strongest pull, g", true, measured(&|grasp| grasp.margins.map(|margins| margins.tug_max_g))),
-            measure("smallest friction, from much to little", false, measured(&|grasp| grasp.margins?.friction_min)),
-            measure("share of repeats that hold", false, measured(&|grasp| grasp.p_held)),
-        ]
-        .into_iter()
-        .flatten(),
-    );
     view.fact("gripper", format!("{}, opens {:.0} mm", set.gripper.name, set.gripper.opening_m_max * 1000.0));
     view.fact("test", set.test.name());
     view.fact("mass", format!("{:.0} g", set.mass_kg * 1000.0));
@@ -110,16 +96,6 @@ fn grasps_view(set: &ObjectGrasps, numbers: &[u64]) -> View {
     }
     view.hidden = ["approach_collision", "pregrasp_collision", "empty"].map(str::to_owned).into();
     view
-}
-
-/// What some of the grasps were measured by, between the least and the most that occurs; a friction the other way
-/// round. A pull is shown from an eighth of a g.
-fn measure(name: &str, is_ratio: bool, values: Vec<Option<f32>>) -> Option<Measure> {
-    let known = || values.iter().flatten().copied();
-    let low = known().reduce(f32::min)?.max(if is_ratio { 0.125 } else { 0.0 });
-    let high = known().reduce(f32::max)?.max(low);
-    let range = if name.contains("friction") { [high, low] } else { [low, high] };
-    Some(Measure { name: name.to_owned(), range, is_ratio, values })
 }
 
 /// A grasp's name and outcome, and what is known of it.

@@ -43,7 +43,6 @@ impl View {
             }
             aside {
                 section { h2 { "Shown" } div #legend {} }
-                @if !self.measures.is_empty() { (self.measure_list()) }
                 section #depth hidden {
                     h2 { "Depth images" }
                     div {}
@@ -69,19 +68,6 @@ impl View {
 
     fn moves(&self) -> bool {
         self.frames.len() > 1
-    }
-
-    fn measure_list(&self) -> Markup {
-        html! {
-            section #measures {
-                h2 { "Colour of grasps that held" }
-                select #measure aria-label="colour of grasps that held" {
-                    option value="" { "outcome" }
-                    @for (at, one) in self.measures.iter().enumerate() { option value=(at) { (one.name) } }
-                }
-                p #scale hidden { span {} i {} span {} }
-            }
-        }
     }
 
     fn event_list(&self) -> Markup {
