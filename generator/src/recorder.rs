@@ -1,6 +1,6 @@
 //! Records an attempt for display: poses at up to sixty frames per second, and events.
 
-use schema::{Gripper, HitKind, Outcome, Physics, Pose, Procedure, Vec3};
+use schema::{Event, EventKind, Gripper, HitKind, Outcome, Physics, Pose, Procedure, Vec3};
 use simulator::{AttemptEvent, Execution, Moment, Obstruction, Phase, Watcher};
 
 /// Frames a second.
@@ -30,30 +30,6 @@ pub struct Frame {
     pub objects: Vec<Pose>,
     /// Of the boxes of the open gripper.
     pub gripper: [Pose; 3],
-}
-
-/// Something that happened at a frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Event {
-    /// The frame.
-    pub frame: usize,
-    /// Its kind.
-    pub kind: EventKind,
-    /// Its text.
-    pub text: String,
-}
-
-/// Kinds of events.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EventKind {
-    /// A phase begins and lasts until the next.
-    Phase,
-    /// A note.
-    Note,
-    /// The decision that a grasp holds.
-    Held,
-    /// The decision that it does not hold.
-    Failed,
 }
 
 /// A recording of an attempt.

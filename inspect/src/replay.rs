@@ -3,7 +3,7 @@
 use generator::recorder::{self, BOX_NAMES, Recording, describe_end};
 use generator::{AttemptId, GraspReplay, Replay};
 use program::Failure;
-use report::view::{Body, Class, Event, EventKind, Frame, Line, View, flat};
+use report::view::{Body, Class, Frame, Line, View, flat};
 use schema::{Axis, Gripper, Lattice, ObjectGrasps, Pose, SceneRows};
 use shards::{Dataset, DatasetInfo};
 
@@ -110,15 +110,7 @@ fn poses(recording: &Recording, pose: impl Fn(&recorder::Frame) -> Pose) -> Vec<
 /// Adds frames and events, and the gripper.
 fn add(view: &mut View, recording: &Recording, gripper: &Gripper) {
     view.frames = recording.frames.iter().map(|frame| Frame { time_s: frame.time_s }).collect();
-    view.events.extend(recording.events.iter().map(|event| {
-        let kind = match event.kind {
-            recorder::EventKind::Phase => EventKind::Phase,
-            recorder::EventKind::Note => EventKind::Note,
-            recorder::EventKind::Held => EventKind::Held,
-            recorder::EventKind::Failed => EventKind::Failed,
-        };
-        Event { frame: event.frame, kind, text: event.text.clone() }
-    }));
+    view.events.clone_from(&recording.events);
     for (part, gripper_box) in gripper.open_gripper().iter().enumerate() {
         let poses = poses(recording, |frame| frame.gripper[part % 3]);
         view.bodies.push(Body { poses, ..Body::of_box(Class::Gripper, BOX_NAMES[part], gripper_box, &[]) });

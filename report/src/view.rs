@@ -7,6 +7,7 @@ pub mod folder;
 mod page;
 pub(crate) mod shapes;
 
+pub use schema::{Event, EventKind};
 use schema::{Outcome, Pose, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -69,31 +70,6 @@ pub struct Line {
 pub struct Frame {
     /// Seconds since the first frame.
     pub time_s: f32,
-}
-
-/// An event.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Event {
-    /// Its frame.
-    pub frame: usize,
-    /// Its kind.
-    pub kind: EventKind,
-    /// Its text.
-    pub text: String,
-}
-
-/// Kinds of events.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum EventKind {
-    /// A phase begins and lasts until the next.
-    Phase,
-    /// A note.
-    Note,
-    /// The decision that a grasp holds.
-    Held,
-    /// The decision that it does not hold.
-    Failed,
 }
 
 /// A key with its value, shown beside the view.

@@ -62,7 +62,7 @@ pub use mass_integrals::MassIntegrals;
 pub use mesh::TriangleMesh;
 pub use model::{CORNERS_MAX, MODELS_MAX, Model, ModelPart, NAME_MAX, ObjectShape, PARTS_MAX, Shape};
 pub use object_grasps::{GraspSource, GripTest, Margins, ObjectGrasp, ObjectGrasps, StablePose};
-pub use outcome::{HitKind, Outcome};
+pub use outcome::{Event, EventKind, HitKind, Outcome};
 pub use points::samples_of;
 pub use polyhedron::{Face, HullError, Polyhedron, bounds_m};
 pub use pose::{Mat3, Pose, Quat, Vec2, Vec3, axis_angle, pose_from_parts};

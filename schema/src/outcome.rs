@@ -1,6 +1,6 @@
 //! How an attempt ended. A failed grasp is data, never an error.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use settings::words;
 
 words! {
@@ -61,4 +61,31 @@ words! {
         /// The container in which the objects lie.
         Container = "container",
     }
+}
+
+words! {
+    /// Kinds of events.
+    #[derive(Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum EventKind {
+        /// A phase begins and lasts until the next.
+        Phase = "phase",
+        /// A note.
+        Note = "note",
+        /// The decision that a grasp holds.
+        Held = "held",
+        /// The decision that it does not hold.
+        Failed = "failed",
+    }
+}
+
+/// Something that happened in a recorded attempt.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    /// The frame.
+    pub frame: usize,
+    /// Its kind.
+    pub kind: EventKind,
+    /// Its text.
+    pub text: String,
 }

@@ -3,11 +3,11 @@
 
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{Model, ModelPart, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
+use schema::{EventKind, Model, ModelPart, ObjectGrasps, Outcome, Pose, Vec3, bounds_m};
 use simulator::{Body, FloatingWorld, Load};
 
 use super::bearing::{G_M_S2, PHYSICS, PROCEDURE, hold, loads};
-use crate::recorder::{EventKind, Recorder, Recording, describe_outcome};
+use crate::recorder::{Recorder, Recording, describe_outcome};
 
 /// A grasp of an object alone, executed again.
 #[derive(Debug, Clone, PartialEq)]

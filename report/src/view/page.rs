@@ -2,8 +2,8 @@
 
 use maud::{Markup, PreEscaped, html};
 
+use super::View;
 use super::folder::{BROWSE, INDEX, LISTING, Place, REPORT, Shelf, VIEWER, VIEWER_STYLE};
-use super::{EventKind, View};
 use crate::assets;
 use crate::document::html::{in_words, whole};
 
@@ -77,7 +77,7 @@ impl View {
                 ol #events {
                     @for event in &self.events {
                         @let time_s = self.frames.get(event.frame).map_or(0.0, |frame| frame.time_s);
-                        li class=(kind(event.kind)) {
+                        li class=(event.kind.name()) {
                             button type="button" data-frame=(event.frame) {
                                 @if self.moves() { span.time { (format!("{time_s:.2} s")) } " " }
                                 (event.text)
@@ -151,15 +151,6 @@ fn player(is_shown: bool) -> Markup {
             } }
             output #phase {}
         }
-    }
-}
-
-fn kind(kind: EventKind) -> &'static str {
-    match kind {
-        EventKind::Phase => "phase",
-        EventKind::Note => "note",
-        EventKind::Held => "held",
-        EventKind::Failed => "failed",
     }
 }
 
