@@ -26,7 +26,7 @@ pub mod text;
 
 pub use exit::{Context, Exit, ExitCode, Failure};
 pub use folder::FolderLock;
-pub use output::{command_line, json, print, print_error, write};
+pub use output::{command_line, differences, json, print, print_error, write};
 pub use publish::{is_temporary, publish};
 pub use read::{create, open, open_as, read, unread};
 pub use signals::stop_on_signals;

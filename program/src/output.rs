@@ -1,12 +1,14 @@
 //! What a command prints and writes.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::{Context, ExitCode, Failure, publish};
 
@@ -55,6 +57,31 @@ pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), Failure> {
 pub fn json(value: &impl Serialize) -> Result<String, Failure> {
     let failed = |error| Failure::new(ExitCode::Internal, format!("failed to make JSON: {error}"));
     Ok(serde_json::to_string_pretty(value).map_err(failed)? + "\n")
+}
+
+/// The keys below `path` whose values differ, with both values.
+#[must_use]
+pub fn differences(path: &str, there: &Value, asked: &Value) -> Vec<String> {
+    match (there, asked) {
+        (Value::Object(old), Value::Object(new)) => {
+            let keys: BTreeSet<&String> = old.keys().chain(new.keys()).collect();
+            let inner = |key: &String| if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+            keys.into_iter().flat_map(|key| differences(&inner(key), &there[key], &asked[key])).collect()
+        }
+        _ if there == asked => Vec::new(),
+        // Lists of tables may be long: the differing element is more useful than both lists.
+        (Value::Array(old), Value::Array(new)) if old.iter().chain(new).any(Value::is_object) => {
+            if old.len() != new.len() {
+                return vec![format!("{path} ({} of them there, {} asked for)", old.len(), new.len())];
+            }
+            let both = old.iter().zip(new).enumerate();
+            both.flat_map(|(place, (old, new))| differences(&format!("{path}[{place}]"), old, new)).collect()
+        }
+        _ => {
+            let [there, asked] = [there, asked].map(ToString::to_string);
+            vec![format!("{path} ({there:.200} there, {asked:.200} asked for)")]
+        }
+    }
 }
 
 /// The words of a command line as a person would type them into a shell.

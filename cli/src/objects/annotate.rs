@@ -1,6 +1,5 @@
 //! `graspmill objects annotate`: labelled grasps of objects alone, with a table of the results.
 
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -11,7 +10,9 @@ use indicatif::ProgressBar;
 use inspect::{GivenGrasps, grasp_sets, grasps_info, grasps_table};
 use network::checkpoint::digest;
 use program::text::percent;
-use program::{Context as _, ExitCode, Failure, FolderLock, print, print_error, start_threads, stop_on_signals, write};
+use program::{
+    Context as _, ExitCode, Failure, FolderLock, differences, print, print_error, start_threads, stop_on_signals, write,
+};
 use report::document::{Block, Cell, Document, Table};
 use schema::{GripTest, Gripper};
 use serde_json::{Value, json};
@@ -307,22 +308,6 @@ fn own_bytes(path: &Path, bytes_max: u64) -> Result<Vec<u8>, Failure> {
         return Ok(Vec::new());
     }
     program::read(path, bytes_max).context(format_args!("failed to read {}", path.display()))
-}
-
-/// The keys whose values differ, with both.
-fn differences(key: &str, there: &Value, here: &Value) -> Vec<String> {
-    match (there, here) {
-        (Value::Object(old), Value::Object(new)) => {
-            let names: BTreeSet<&String> = old.keys().chain(new.keys()).collect();
-            let below = |name: &String| differences(&format!("{key}.{name}"), &there[name], &here[name]);
-            names.into_iter().flat_map(below).collect()
-        }
-        _ if there == here => Vec::new(),
-        _ => {
-            let [there, here] = [there, here].map(ToString::to_string);
-            vec![format!("{key} is {there:.200} there and {here:.200} here")]
-        }
-    }
 }
 
 fn document(infos: &[Value], left_out: usize, out: &Path) -> Document {

@@ -73,8 +73,7 @@ fn first_foreign_entry(storage: &Storage) -> Result<Option<String>, Failure> {
 fn differences(existing: &[u8], asked: &str) -> Option<Vec<String>> {
     let existing = serde_json::from_slice::<Value>(existing).ok()?;
     let asked = serde_json::from_str(asked).unwrap_or_default();
-    let mut found = Vec::new();
-    compare("", &existing, &asked, &mut found);
+    let mut found = program::differences("", &existing, &asked);
     if found.is_empty() {
         found.push("its spelling only: was meta/info.json edited by hand?".to_owned());
     }
@@ -84,32 +83,6 @@ fn differences(existing: &[u8], asked: &str) -> Option<Vec<String>> {
         found.push(format!("{more} more"));
     }
     Some(found)
-}
-
-fn compare(path: &str, existing: &Value, asked: &Value, found: &mut Vec<String>) {
-    match (existing, asked) {
-        (Value::Object(a), Value::Object(b)) => {
-            let mut keys: Vec<&String> = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key))).collect();
-            keys.sort();
-            for key in keys {
-                let inner = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-                let missing = Value::String("nothing".to_owned());
-                compare(&inner, a.get(key).unwrap_or(&missing), b.get(key).unwrap_or(&missing), found);
-            }
-        }
-        (a, b) if a == b => {}
-        // Lists of tables may be long: the differing element is more useful than both lists.
-        (Value::Array(a), Value::Array(b)) if a.iter().chain(b).any(Value::is_object) => {
-            if a.len() != b.len() {
-                return found.push(format!("{path} ({} of them there, {} asked for)", a.len(), b.len()));
-            }
-            for (place, (a, b)) in a.iter().zip(b).enumerate() {
-                compare(&format!("{path}[{place}]"), a, b, found);
-            }
-        }
-        _ if LONG.iter().any(|key| path.ends_with(key)) => found.push(path.to_owned()),
-        (a, b) => found.push(format!("{path} ({a} there, {b} asked for)")),
-    }
 }
 
 #[cfg(test)]

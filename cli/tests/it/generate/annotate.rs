@@ -75,7 +75,7 @@ fn only_the_best_grasps_are_kept_where_that_is_asked_for() {
     assert!(few["coverage"].as_f64().unwrap() > 0.5, "{few}");
     let said = check_ok(&best("1000", "all"));
     assert!(said.contains("grasps instead of 1000: no more of those that hold are apart"), "{said}");
-    check_fails(&best("6", "few"), 78, &["settings.params.best is 5 there and 6 here"]);
+    check_fails(&best("6", "few"), 78, &["settings.params.best (5 there, 6 asked for)"]);
     check_fails(&best("0", "none"), 2, &["--best"]);
 }
 
@@ -109,11 +109,11 @@ fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
     check_fails(
         &annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps", "--seed", "2"]),
         78,
-        &["other settings", "settings.params.seed is 1 there and 2 here", "brick.json"],
+        &["other settings", "settings.params.seed (1 there, 2 asked for)", "brick.json"],
     );
     // All objects are asked before the first is begun.
     let both = ["slab.obj", "brick.obj", "--scale", "0.001", "--out", "grasps", "--test", "tug"];
-    let refused = [r#"settings.params.test is "turn" there and "tug" here"#, "brick.json"];
+    let refused = [r#"settings.params.test ("turn" there, "tug" asked for)"#, "brick.json"];
     check_fails(&annotate(&dir, &both), 78, &refused);
     // A mesh of another form, or one that only says more.
     let mesh = fs::read_to_string(dir.path().join("brick.obj")).unwrap();
@@ -130,7 +130,7 @@ fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
     // Before a mesh is read and cut.
     fs::write(dir.path().join("brick.obj"), "").unwrap();
     let other = annotate(&dir, &["brick.obj", "--out", "grasps", "--seed", "2"]);
-    check_fails(&other, 78, &["settings.params.seed is 1 there and 2 here", "brick.json"]);
+    check_fails(&other, 78, &["settings.params.seed (1 there, 2 asked for)", "brick.json"]);
 }
 
 /// A state that a run does not leave: one file of another run, or empty, cut, linked or gone. Gone is also what a kill
