@@ -78,7 +78,8 @@ pub fn differences(path: &str, there: &Value, asked: &Value) -> Vec<String> {
             both.flat_map(|(place, (old, new))| differences(&format!("{path}[{place}]"), old, new)).collect()
         }
         _ => {
-            let [there, asked] = [there, asked].map(ToString::to_string);
+            let told = |value: &Value| if value.is_null() { "nothing".to_owned() } else { value.to_string() };
+            let [there, asked] = [there, asked].map(told);
             vec![format!("{path} ({there:.200} there, {asked:.200} asked for)")]
         }
     }

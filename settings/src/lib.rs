@@ -9,7 +9,6 @@
 
 mod document;
 mod error;
-mod flat;
 mod limits;
 mod macros;
 mod reader;
@@ -17,7 +16,6 @@ mod setting;
 
 pub use document::{Document, faults_of, read_stored, read_text};
 pub use error::Error;
-pub use flat::flat;
 pub use limits::{Limits, above};
 pub use reader::{Reader, hint};
 pub use serde;

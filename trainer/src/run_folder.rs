@@ -7,14 +7,13 @@
 //! metrics.jsonl        one line per epoch
 //! ```
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use network::checkpoint::{self, Checkpoint};
-use program::{Context as _, ExitCode, Failure, FolderLock, unread, write};
+use program::{Context as _, ExitCode, Failure, FolderLock, differences, unread, write};
 use settings::words;
 use shards::Dataset;
 
@@ -189,27 +188,15 @@ fn first_entry(path: &Path) -> io::Result<Option<String>> {
 
 /// Refuses to resume with another recipe than that which the run was begun with.
 fn check_config(begun_with: &Config, config: &Config, path: &Path) -> Result<(), Failure> {
-    let epochs_shape_steps = config.training.schedule == Schedule::Cosine;
-    let [was, is] = [begun_with, config].map(|config| keys(config).into_iter().collect::<BTreeMap<_, _>>());
-    let told = |value: Option<&String>| value.map_or("left out", String::as_str).to_owned();
-    let names: BTreeSet<&String> = was.keys().chain(is.keys()).collect();
-    let other: Vec<String> = names
-        .into_iter()
-        .filter(|key| key.as_str() != "training.epochs" || epochs_shape_steps)
-        .filter(|key| was.get(*key) != is.get(*key))
-        .map(|key| {
-            let why = if key == "training.epochs" { ": a cosine schedule depends on it" } else { "" };
-            format!("{key} ({} then, {} now{why})", told(was.get(key)), told(is.get(key)))
-        })
-        .collect();
+    let is_cosine = config.training.schedule == Schedule::Cosine;
+    let [was, is]: [serde_json::Value; 2] =
+        [begun_with, config].map(|config| toml::from_str(&config.to_toml()).unwrap_or_default());
+    let mut other = differences("", &was, &is);
+    other.retain(|said| is_cosine || !said.starts_with("training.epochs "));
     if other.is_empty() {
         return Ok(());
     }
-    let text = format!("the run was begun with another configuration, which differs in {}", other.join(", "));
+    let why = if is_cosine { "; a cosine schedule depends on training.epochs" } else { "" };
+    let text = format!("the run was begun with another configuration, which differs in {}{why}", other.join(", "));
     Err(refused(text, path))
-}
-
-/// The keys of a recipe with their values; keys of tables as `table.key`.
-fn keys(config: &Config) -> Vec<(String, String)> {
-    settings::flat(&config.to_toml())
 }

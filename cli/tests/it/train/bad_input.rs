@@ -137,7 +137,7 @@ fn another_run_in_the_folder_is_78_and_left_alone() {
     check_fails(
         &place.fit(&["--resume"]),
         78,
-        &["another configuration", "training.learning_rate (0.001 then, 0.002 now)"],
+        &["another configuration", "training.learning_rate (0.001 there, 0.002 asked for)"],
     );
     replace_in(&place.config, "learning_rate = 2e-3", "learning_rate = 1e-3");
     place.data = place.data.with_file_name("other");

@@ -174,7 +174,7 @@ fn other_epochs_under_a_cosine_are_78() {
     let place = Place::new(1, "schedule = \"cosine\"", "");
     let run = place.run("run");
     assert_eq!(place.fit(&place.config(), &run), Ending::Done);
-    let texts = ["training.epochs (1 then, 2 now: a cosine schedule depends on it)"];
+    let texts = ["training.epochs (1 there, 2 asked for); a cosine schedule depends on training.epochs"];
     check_fails(&place.args(&run, &["--resume", "--epochs", "2"]), 78, &texts);
     assert!(trainer(&place.args(&run, &["--resume"])).status.success());
 }

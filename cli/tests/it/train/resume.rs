@@ -105,7 +105,7 @@ fn a_run_may_begin_with_the_weights_of_another() {
     assert!(fs::read_to_string(path("second/config.toml")).unwrap().contains(&digest));
     let (code, said) = fit(&config, "second", &["--resume"]);
     assert_eq!(code, Some(78));
-    assert!(said.contains("network.from (") && said.contains("then, left out now)"), "{said}");
+    assert!(said.contains("network.from (") && said.contains("there, nothing asked for)"), "{said}");
     assert_eq!(fit(&config, "second", &["--resume", "--from", &first]).0, Some(0));
     let (code, said) = fit(&judge, "third", &["--from", &first]);
     assert_eq!(code, Some(78));
