@@ -1,6 +1,6 @@
 //! Warnings about unusual datasets.
 
-use program::text::{grouped, percent, ratio};
+use program::text::{grouped, ratio};
 use schema::Rule;
 use shards::Tally;
 
@@ -11,10 +11,6 @@ use super::Report;
 const POSITIVE_SHARE: [f64; 2] = [0.15, 0.40];
 /// Number of attempts of a group that should not all have failed.
 const TRIED_MIN: u64 = 100;
-/// Share of rejected scenes that causes a warning.
-const REJECTED_SHARE_MAX: f64 = 0.1;
-/// Share of grasps outside the grid that causes a warning.
-const OUTSIDE_SHARE_MAX: f64 = 0.01;
 
 impl Report {
     /// Unusual properties of the dataset, one sentence each.
@@ -32,22 +28,6 @@ impl Report {
         let failed = |labels: Tally| labels.attempts >= TRIED_MIN && labels.positives == 0;
         for group in self.shapes.iter().chain(&self.rules).filter(|group| failed(group.labels)) {
             warnings.push(format!("None of {} attempts of {} held.", grouped(group.labels.attempts), group.name));
-        }
-        let tried = self.scenes + self.rejections.total();
-        let rejected = self.rejections.total() as f64 / tried.max(1) as f64;
-        if rejected > REJECTED_SHARE_MAX {
-            let (unsettled, empty, unstable) =
-                (self.rejections.unsettled, self.rejections.empty, self.rejections.unstable);
-            warnings.push(format!(
-                "{} of the scenes that were built were thrown away ({unsettled} did not come to rest, {empty} lost every object, \
-                 {unstable} broke the physics): what is left is not what was drawn.",
-                percent(rejected)
-            ));
-        }
-        let outside = self.outside_grid.attempts as f64 / self.labels.attempts.max(1) as f64;
-        if outside > OUTSIDE_SHARE_MAX {
-            warnings
-                .push(format!("{} of the grasps lie outside the grid: no voxel learns from them.", percent(outside)));
         }
         warnings
     }
@@ -95,7 +75,5 @@ mod tests {
             |r| r.rules[0] = Group { name: "cuboid_x".to_owned(), labels: Tally { attempts: 100, positives: 0 } },
             "cuboid_x",
         );
-        told(|r| r.rejections.unsettled = r.scenes, "50.0 %");
-        told(|r| r.outside_grid.attempts = 60, "5.0 %");
     }
 }
