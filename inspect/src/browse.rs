@@ -1,7 +1,6 @@
 //! A dataset as a folder of pages that lead to each other: all scenes, each scene in space with the replays of its
 //! attempts, the report.
 
-use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::Path;
 
@@ -23,10 +22,8 @@ use crate::view::scene_view;
 fn begin(folder: &Path) -> Result<(), Failure> {
     let failed = || format!("failed to write {}", folder.display());
     std::fs::create_dir_all(folder).context(failed())?;
-    let entries = std::fs::read_dir(folder).context(failed())?;
-    let names = entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
-    let names: BTreeSet<String> = names.collect::<std::io::Result<_>>().context(failed())?;
-    if !names.is_empty() && !names.contains(LISTING) {
+    let names = program::names_in(folder).context(failed())?;
+    if !names.is_empty() && !names.iter().any(|name| name == LISTING) {
         let text = format!("the folder must be new, empty or one of graspmill dataset browse: {}", folder.display());
         return Err(Failure::new(ExitCode::Config, text));
     }

@@ -28,7 +28,7 @@ pub use exit::{Context, Exit, ExitCode, Failure};
 pub use folder::FolderLock;
 pub use output::{command_line, differences, json, print, print_error, write};
 pub use publish::{is_temporary, publish};
-pub use read::{create, open, open_as, read, unread};
+pub use read::{create, names_in, open, open_as, read, unread};
 pub use signals::stop_on_signals;
 pub use start::{run, start_threads, thread_pool};
 pub use text::error_chain;

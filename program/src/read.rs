@@ -31,6 +31,14 @@ pub fn open_as(path: &Path, options: &OpenOptions) -> io::Result<File> {
     options.open(path)
 }
 
+/// The names of what lies in a folder, in any order.
+///
+/// # Errors
+/// The system's error.
+pub fn names_in(folder: &Path) -> io::Result<Vec<String>> {
+    fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
+}
+
 /// Makes a regular file, or empties one that is there.
 ///
 /// # Errors

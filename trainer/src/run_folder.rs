@@ -8,12 +8,11 @@
 //! ```
 
 use std::fmt::Display;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use network::checkpoint::{self, Checkpoint};
-use program::{Context as _, ExitCode, Failure, FolderLock, differences, unread, write};
+use program::{Context as _, ExitCode, Failure, FolderLock, differences, names_in, unread, write};
 use settings::words;
 use shards::Dataset;
 
@@ -171,19 +170,11 @@ fn refused(text: impl Display, path: &Path) -> Failure {
 
 /// Any entry of a folder except our lock and our staging files; `None` if there is no folder.
 fn first_entry(path: &Path) -> io::Result<Option<String>> {
-    let entries = match fs::read_dir(path) {
-        Ok(entries) => entries,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(e),
-    };
-    let mut names = Vec::new();
-    for entry in entries {
-        let name = entry?.file_name().to_string_lossy().into_owned();
-        if name != FolderLock::NAME && !name.ends_with(".tmp") {
-            names.push(name);
-        }
+    let is_foreign = |name: &String| name != FolderLock::NAME && !name.ends_with(".tmp");
+    match names_in(path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
+        names => Ok(names?.into_iter().filter(is_foreign).min()),
     }
-    Ok(names.into_iter().min())
 }
 
 /// Refuses to resume with another recipe than that which the run was begun with.

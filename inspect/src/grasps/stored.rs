@@ -26,10 +26,7 @@ const LENGTH_ERROR_MAX: f32 = 1e-3;
 /// # Errors
 /// [`Failure`] if the folder cannot be read.
 pub fn grasp_sets(folder: &Path) -> Result<Vec<String>, Failure> {
-    let failed = || format!("failed to read {}", folder.display());
-    let entries = std::fs::read_dir(folder).context(failed())?;
-    let names = entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
-    let names: Vec<String> = names.collect::<std::io::Result<_>>().context(failed())?;
+    let names = program::names_in(folder).context(format_args!("failed to read {}", folder.display()))?;
     let stems = names.iter().filter_map(|name| name.strip_suffix(TABLE));
     let mut sets: Vec<String> =
         stems.filter(|stem| names.contains(&format!("{stem}.json"))).map(str::to_owned).collect();

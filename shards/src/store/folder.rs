@@ -70,13 +70,10 @@ impl Store {
     /// The names in a folder, in any order; none if there is no folder.
     pub(crate) fn names(&self, folder: &str) -> Result<Vec<String>, Failure> {
         let folder = self.path(folder);
-        let listed = match fs::read_dir(&folder) {
-            Err(e) if is_absent(&e) => return Ok(Vec::new()),
-            listed => listed.and_then(|entries| {
-                entries.map(|entry| entry.map(|e| e.file_name().to_string_lossy().into_owned())).collect()
-            }),
-        };
-        listed.map_err(failed("list a folder", &folder))
+        match program::names_in(&folder) {
+            Err(e) if is_absent(&e) => Ok(Vec::new()),
+            names => names.map_err(failed("list a folder", &folder)),
+        }
     }
 
     /// The bytes of a small file, `None` if there is none.
