@@ -59,6 +59,9 @@ pub fn json(value: &impl Serialize) -> Result<String, Failure> {
     Ok(serde_json::to_string_pretty(value).map_err(failed)? + "\n")
 }
 
+/// Ends of paths to values that are too long to be told.
+const LONG: [&str; 4] = [".corners_m", ".mesh", ".corners_100nm", ".triangles"];
+
 /// The keys below `path` whose values differ, with both values.
 #[must_use]
 pub fn differences(path: &str, there: &Value, asked: &Value) -> Vec<String> {
@@ -77,6 +80,7 @@ pub fn differences(path: &str, there: &Value, asked: &Value) -> Vec<String> {
             let both = old.iter().zip(new).enumerate();
             both.flat_map(|(place, (old, new))| differences(&format!("{path}[{place}]"), old, new)).collect()
         }
+        _ if LONG.iter().any(|key| path.ends_with(key)) => vec![path.to_owned()],
         _ => {
             let told = |value: &Value| if value.is_null() { "nothing".to_owned() } else { value.to_string() };
             let [there, asked] = [there, asked].map(told);
