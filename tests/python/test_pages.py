@@ -2,7 +2,6 @@
 width and in dark mode."""
 
 import io
-import json
 import math
 import os
 import re
@@ -132,16 +131,6 @@ def colours(png: bytes) -> int:
     return len(set(image.get_flattened_data()))
 
 
-def test_the_report_shows_what_the_json_says(browser, pages) -> None:
-    page, _ = opened(browser, pages, "report")
-    report = json.loads(run("graspmill", "dataset", "report", DATASET, "--json", code=0).stdout)
-    cells = page.evaluate("[...document.querySelectorAll('tr')].map(row => [...row.children].map(cell => cell.innerText.trim()))")
-    shown = {row[0]: row for row in cells if len(row) >= 4}
-    for group in report["rules"]:
-        if group["attempts"]:
-            assert shown[group["name"]][1:3] == [f"{group['attempts']:,}", f"{group['positives']:,}"]
-
-
 def test_a_scene_turns_and_a_replay_plays(browser, pages) -> None:
     page, _ = opened(browser, pages, "scene")
     canvas = page.locator("canvas").first
@@ -210,32 +199,21 @@ def test_a_click_on_a_grasp_opens_its_replay(browser, pages) -> None:
     assert page.title().startswith(told.split()[0] + ": ")
 
 
-def test_every_attempt_of_every_scene_is_replayed_from_the_file_of_its_scene(browser, tmp_path) -> None:
-    data = tmp_path / "two"
-    small = "--shards", 1, "--attempts", 60, "--set", "attempts_per_scene=30"
-    run("generator", "--config", ROOT / "configs/generate/demo.toml", *small, "--out", data, code=0)
-    run("graspmill", "dataset", "browse", data, "--out", tmp_path / "all", code=0)
-    rows = pq.read_table(data / "attempts", columns=["scene_id", "attempt_id", "outcome"]).to_pylist()
-    scenes = {row["scene_id"] for row in rows}
-    files = list((tmp_path / "all").iterdir())
-    assert {path.name for path in files if path.name.startswith("scene-")} == {f"scene-{scene}.html" for scene in scenes}
-    assert len(files) == len(scenes) + 6, "the others: index, report, listing, two scripts, a style"
-    assert sum(path.stat().st_size for path in files if path.name.startswith("scene-")) * 100 <= 1e6 * len(rows), "a megabyte for 100 attempts"
-    first = rows[0]["scene_id"]
-    all_pages = {"index": tmp_path / "all/index.html", "scene": tmp_path / f"all/scene-{first}.html"}
-    page, _ = opened(browser, all_pages, "index")
-    links = page.evaluate("[...document.querySelectorAll('.gallery figcaption a')].map(link => link.getAttribute('href'))")
-    assert sorted(links) == sorted(f"scene-{scene}.html" for scene in scenes), "the first page lists all"
-    page, said = opened(browser, all_pages, "scene")
+def test_every_attempt_of_a_scene_is_replayed_from_the_file_of_its_scene(browser, pages) -> None:
+    """`cli/tests/it` has the files, their sizes and the links of a whole dataset."""
+    scene = int(held(DATASET).split("/")[0])
+    rows = pq.read_table(DATASET / "attempts", columns=["scene_id", "attempt_id", "outcome"]).to_pylist()
+    page, said = opened(browser, pages, "scene")
     scene_title = page.title()
-    for row in [row for row in rows if row["scene_id"] == first]:
+    for row in [row for row in rows if row["scene_id"] == scene]:
         page.evaluate(f"location.hash = 'attempt={row['attempt_id']}'")
-        page.wait_for_function("start => document.title.startsWith(start)", arg=f"{first}/{row['attempt_id']}: {row['outcome']}")
+        start = f"{scene}/{row['attempt_id']}: {row['outcome']}"
+        page.wait_for_function("start => document.title.startsWith(start)", arg=start)
     assert page.locator("#events li").count() >= 2 and page.locator("#facts div").count() >= 8
-    page.get_by_text(f"scene {first}", exact=True).click()
+    page.get_by_text(f"scene {scene}", exact=True).click()
     page.wait_for_function("title => document.title === title", arg=scene_title)
     page.go_back()
-    page.wait_for_function("start => document.title.startsWith(start)", arg=f"{first}/{row['attempt_id']}: ")
+    page.wait_for_function("start => document.title.startsWith(start)", arg=start)
     assert said == []
 
 
