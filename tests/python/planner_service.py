@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 from programs import ROOT, program
 
 from crosscheck.pose import rotation_of
@@ -78,6 +79,14 @@ def running(folder, *args):
             service.process.kill()
             service.process.wait()
         service.process.stdout.close()
+
+
+def demo_view():
+    """The demo's first view: depth in metres (height, width), the lens, the camera's pose."""
+    request = tomllib.loads((DEMO / "views.toml").read_text())
+    view = request["views"][0]
+    depth_m = np.asarray(Image.open(DEMO / view["depth"])) * np.float32(view["depth_scale_m"])
+    return depth_m.astype(np.float32), view.get("intrinsics", request.get("intrinsics")), view["workspace_from_camera"]
 
 
 def demo_request():

@@ -9,6 +9,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -105,6 +107,20 @@ def files(folder: Path) -> dict[str, bytes]:
     """Every file by name, with its bytes."""
     paths = [path for path in sorted(Path(folder).rglob("*")) if path.is_file()]
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def assert_same(made: Path, wanted: Path) -> None:
+    """Fails with the names of the files that are not the same in both folders."""
+    made, wanted = files(made), files(wanted)
+    assert {name for name in made.keys() | wanted.keys() if made.get(name) != wanted.get(name)} == set()
+
+
+def until(is_so: Callable, seconds: float, complaint: str, told: Callable[[], str] = str, every_s: float = 0.2) -> None:
+    """Waits; after so many seconds it fails with the complaint and what else is told."""
+    ends = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < ends, f"{complaint}\n{told()}"
+        time.sleep(every_s)
 
 
 def changed(value: object, path: str, new: object = ...) -> object:

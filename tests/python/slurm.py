@@ -16,17 +16,15 @@ import signal
 import socket
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 
-from programs import ran
+from programs import ran, until
 
 SEARCHED = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/usr/local/sbin"])
 DAEMONS = ["munged", "slurmctld", "slurmd"]
 CLIENTS = ["sbatch", "scancel", "scontrol", "sinfo", "squeue"]
 START_S = 30  # until every node is idle
 CLIENT_S = 30  # a client's time to answer
-POLL_S = 0.2
 REQUEUE_EXIT = 75
 OVER = {"COMPLETED", "FAILED", "CANCELLED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY"}
 
@@ -120,6 +118,18 @@ def send(pid, number):
         os.kill(pid, number)
 
 
+def processes(name=None, **settings):
+    """The ids of what runs with these settings in its environment: all, or the processes of a program."""
+    marks = {f"{key}={value}".encode() for key, value in settings.items()}
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            is_named = name is None or (folder / "comm").read_text().strip() == name
+            if is_named and marks <= set((folder / "environ").read_bytes().split(b"\0")):
+                found.append(int(folder.name))
+    return sorted(pid for pid in found if is_alive(pid))
+
+
 class Cluster:
     def __init__(self, folder, nodes):
         self.folder = folder
@@ -177,15 +187,7 @@ class Cluster:
 
     def processes(self, name=None, **settings):
         """What this cluster started and still runs: all, or the processes of a program, and of an environment."""
-        settings = {"SLURM_CONF": self.env["SLURM_CONF"], **settings}
-        marks = {f"{key}={value}".encode() for key, value in settings.items()}
-        found = []
-        for folder in Path("/proc").glob("[0-9]*"):
-            with contextlib.suppress(OSError):
-                is_named = name is None or (folder / "comm").read_text().strip() == name
-                if is_named and marks <= set((folder / "environ").read_bytes().split(b"\0")):
-                    found.append(int(folder.name))
-        return sorted(pid for pid in found if is_alive(pid))
+        return processes(name, SLURM_CONF=self.env["SLURM_CONF"], **settings)
 
     def call(self, *command, cwd=None, check=True, **settings):
         env = {**self.env, **{key: str(value) for key, value in settings.items()}}
@@ -211,10 +213,7 @@ class Cluster:
         return self.call("sinfo", *what, check=False).split()
 
     def until(self, is_so, seconds, complaint):
-        ends = time.monotonic() + seconds
-        while not is_so():
-            assert time.monotonic() < ends, f"{complaint}\n{self.told()}"
-            time.sleep(POLL_S)
+        until(is_so, seconds, complaint, self.told)
 
     def told(self):
         logs = sorted(self.folder.glob("*.log"))

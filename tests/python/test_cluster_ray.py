@@ -1,9 +1,5 @@
-"""A real Ray of two nodes on loopback: after the loss of one, a dataset and the streams of a training are the same.
+"""A real Ray of two nodes on loopback: after the loss of one, a dataset and the streams of a training are the same."""
 
-Without Ray or PyTorch the tests are skipped with a reason.
-"""
-
-import contextlib
 import hashlib
 import os
 import pickle
@@ -13,10 +9,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
 
+import numpy as np
 import pytest
-from programs import ROOT, executable, files, program, run
+import slurm
+from programs import ROOT, assert_same, executable, program, run, until
 
 ray = pytest.importorskip("ray", reason="there is no ray (pip install ray)")
 from ray.cluster_utils import Cluster  # noqa: E402
@@ -60,13 +57,6 @@ def first(tmp_path_factory):
         cluster.shutdown()
 
 
-def until(is_so, complaint):
-    ends = time.monotonic() + END_S
-    while not is_so():
-        assert time.monotonic() < ends, complaint
-        time.sleep(0.05)
-
-
 def add_second(cluster):
     """A node, and a word that the environment of its processes has."""
     word = f"{os.getpid()}-{time.monotonic_ns()}"
@@ -75,11 +65,8 @@ def add_second(cluster):
 
 def lose(cluster, node, word):
     """As if its power failed: none of its processes is left."""
-    mark = f"SECOND={word}".encode()
-    for folder in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            if mark in (folder / "environ").read_bytes().split(b"\0"):
-                os.kill(int(folder.name), signal.SIGKILL)
+    for pid in slurm.processes(SECOND=word):
+        slurm.send(pid, signal.SIGKILL)
     cluster.remove_node(node, allow_graceful=False)
 
 
@@ -92,25 +79,21 @@ def test_a_dataset_outlives_the_loss_of_a_node(first, tmp_path):
     (tmp_path / "make.py").write_text(begin + MAKE.replace("64", str(SHARDS)))
     with (tmp_path / "said").open("w") as said:
         driver = subprocess.Popen([sys.executable, tmp_path / "make.py"], stdout=said, stderr=said)
-    until(lambda: (bin / "hanging").exists() or driver.poll() is not None, "the second node comes to no second shard")
+    hangs = lambda: (bin / "hanging").exists() or driver.poll() is not None
+    until(hangs, END_S, "the second node comes to no second shard")
     lose(cluster, *second)
     assert driver.wait(END_S) == 0, (tmp_path / "said").read_text()
     assert len((bin / "starts").read_text().splitlines()) == SHARDS + 1
     run("generator", *SIZE, "--shards", SHARDS, "--out", tmp_path / "at_once", code=0)
-    made, wanted = files(tmp_path / "out"), files(tmp_path / "at_once")
-    assert made.keys() == wanted.keys() and [name for name in made if made[name] != wanted[name]] == []
+    assert_same(tmp_path / "out", tmp_path / "at_once")
 
 
 # The nodes' processes need not import this file.
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
 
-def arrays(batch):
-    return {name: values.numpy() for name, values in batch.items()}
-
-
 def digest(batch):
-    return hashlib.sha256(b"".join(bytes(memoryview(batch[name]).cast("B")) for name in sorted(batch))).hexdigest()
+    return hashlib.sha256(b"".join(np.asarray(batch[name]).tobytes() for name in sorted(batch))).hexdigest()
 
 
 @pytest.fixture
@@ -138,21 +121,23 @@ def test_streams_outlive_the_loss_of_a_node(driver, dataset, tmp_path):
             stream.load_state_dict(state)
         begun = stream.step
         for step, batch in enumerate(stream, begun + 1):
-            made.append(digest(arrays(batch)))
+            made.append(digest(batch))
             (tmp_path / f"{rank}.tmp").write_bytes(pickle.dumps((stream.state_dict(step), made)))
             (tmp_path / f"{rank}.tmp").replace(kept)
             if step == 5:
                 (tmp_path / f"waiting-{rank}").touch()
-                until((tmp_path / "lost").exists, "no node is lost")
+                while not (tmp_path / "lost").exists():
+                    time.sleep(0.05)
         return begun, made
 
     ranks = [epoch.remote(rank) for rank in range(2)]
-    until(lambda: len(list(tmp_path.glob("waiting-*"))) == 2, "the ranks do not come to their fifth step")
+    is_waiting = lambda: len(list(tmp_path.glob("waiting-*"))) == 2
+    until(is_waiting, END_S, "the ranks do not come to their fifth step")
     lose(driver, *second)
     (tmp_path / "lost").touch()
     begun, made = zip(*ray.get(ranks, timeout=END_S))
     streams = [GraspStream(dataset, rank=rank, world_size=2) for rank in range(2)]
-    wanted = [[digest(arrays(batch)) for batch in stream] for stream in streams]
+    wanted = [[digest(batch) for batch in stream] for stream in streams]
     assert sorted(begun) == [0, 5] and list(made) == wanted and min(map(len, wanted)) > 5
 
     read = {"__name__": "__main__", "ray": ray, "OUT": dataset._native.location}

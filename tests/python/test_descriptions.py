@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from grasp_sets import box_obj, graspmill, refused
+from grasp_sets import BOX_MESH, box_obj, graspmill, refused
 
 pytest.importorskip("mujoco")
 
@@ -43,9 +43,8 @@ def urdf(folder, palm=shape(PALM, (0, 0, 0.03)), jaw=shape(JAW, (0, 0, 0.02)), m
 
 
 def box_triangles(size):
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * np.asarray(size) / 2
-    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    return corners, [[a, b, c] for a, b, c, _ in quads] + [[a, c, d] for a, _, c, d in quads]
+    corners, faces = BOX_MESH
+    return ((corners > 0) - 0.5) * size, faces
 
 
 def stl(size):

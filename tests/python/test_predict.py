@@ -1,15 +1,12 @@
 """`POST /predict` with a client written from the contract of GraspGen-X's and DexGraspNet 2's servers (version 0.1.0)."""
 
 import base64
-import io
 import json
-import tomllib
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from planner_service import DEMO, JSON, demo_request, file_of, matrix, npy, running
+from planner_service import JSON, demo_request, demo_view, file_of, matrix, npy, running
 
 GRASP = {"translation", "rotation_quat", "rotation_matrix", "score", "gripper_width", "joint_angles", "joint_names", "approach_axis"}
 GRASP |= {"object_id"}
@@ -20,13 +17,11 @@ TURN = matrix({"position_m": [0.3, -1.2, 0.7], "quaternion_xyzw": [0.5, -0.5, 0.
 @pytest.fixture(scope="module")
 def scene(service):
     """The first camera's cloud of the demo in its optical frame: one object, the rest, and the camera's pose."""
-    request = tomllib.loads((DEMO / "views.toml").read_text())
-    lens, view = request["intrinsics"], request["views"][0]
-    depth = np.asarray(Image.open(io.BytesIO((DEMO / view["depth"]).read_bytes()))).astype(float) * view["depth_scale_m"]
+    depth, lens, pose = demo_view()
     v, u = np.nonzero(depth)
-    z = depth[v, u]
+    z = depth[v, u].astype(float)
     camera = np.column_stack([(u + 0.5 - lens["cx_px"]) * z / lens["fx_px"], (v + 0.5 - lens["cy_px"]) * z / lens["fy_px"], z])
-    workspace_from_camera = matrix(view["workspace_from_camera"])
+    workspace_from_camera = matrix(pose)
     workspace = camera @ workspace_from_camera[:3, :3].T + workspace_from_camera[:3, 3]
     status, _, plan = service.plan(demo_request())
     assert status == 200

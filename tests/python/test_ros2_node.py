@@ -12,25 +12,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import ros_messages as ros
-from planner_service import DEMO, ROOT, file_of, npy
+from planner_service import ROOT, demo_view, file_of, npy
 
 PACKAGE = ROOT / "ros2" / "graspmill_ros"
 sys.path.insert(0, str(PACKAGE))
 from graspmill_ros import planning, sensing  # noqa: E402
 
 POSE = {"position_m": [0.1, 0.2, 0.5], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
-
-
-@pytest.fixture(scope="module")
-def one_demo_view():
-    """The first view of the demo: depth in metres, lens, pose."""
-    request = tomllib.loads((DEMO / "views.toml").read_text())
-    view = request["views"][0]
-    depth_m = np.asarray(Image.open(DEMO / view["depth"])) * np.float32(view["depth_scale_m"])
-    return depth_m.astype(np.float32), view.get("intrinsics", request.get("intrinsics")), view["workspace_from_camera"]
 
 
 # Messages of a camera, and a node with a planner that answers what the test says
@@ -414,8 +404,8 @@ def test_planning_in_this_process(start):
 
 
 @pytest.mark.parametrize("base", [False, True], ids=["upright", "base"])
-def test_the_node_publishes_what_the_service_answers(service, base, one_demo_view, start):
-    depth_m, lens, pose = one_demo_view
+def test_the_node_publishes_what_the_service_answers(service, base, start):
+    depth_m, lens, pose = demo_view()
     request = {"views": [{"depth": file_of(npy(depth_m)), "intrinsics": lens, "workspace_from_camera": "table"}]}
     status, _, body = service.plan(request | ({"base_from_camera": pose} if base else {}))
     assert status == 200, body

@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from programs import DATASET, PROGRAMS, QUICK, ROOT, executable, files, metrics, run
+from programs import DATASET, PROGRAMS, QUICK, ROOT, assert_same, executable, metrics, run
 import slurm
 
 SEED = int(os.environ.get("GRASPMILL_CHAOS_SEED", random.randrange(1_000_000)))
@@ -56,12 +56,6 @@ def generate(cluster, out, array, shards, *size, **more):
 def train(cluster, folder, *options, **settings):
     script = ["--cpus-per-task=1", SCRIPTS / "train.sbatch", *options]
     return cluster.submit(*script, cwd=folder, **{"DATA": DATASET, "CONFIG": QUICK, "RUN": folder / "run", **settings})
-
-
-def assert_same(made, wanted):
-    made, wanted = files(made), files(wanted)
-    assert sorted(made) == sorted(wanted)
-    assert [name for name in made if made[name] != wanted[name]] == []
 
 
 def log_of(folder, job="*"):
