@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 TABLES = ("attempts", "scenes", "objects")
@@ -76,6 +75,16 @@ def change_json(value, rng):
     return value, ", ".join(done)
 
 
+def with_column(table, name, values):
+    """A table with other values in one of its columns, of the same type."""
+    field = table.schema.field(name)
+    return table.set_column(table.schema.get_field_index(name), field, values.cast(field.type))
+
+
+def multiplied(counts, times):
+    return {name: multiplied(one, times) if isinstance(one, dict) else one * times for name, one in counts.items()}
+
+
 class Mutant:
     """A copy of a dataset to be changed, then mended."""
 
@@ -127,8 +136,7 @@ class Mutant:
             values[rng.randrange(len(values))] = self.cell(field, values, rng)
         column = pa.array(values, pa.string() if pa.types.is_dictionary(field.type) else field.type)
         column = column.dictionary_encode() if pa.types.is_dictionary(field.type) else column
-        table = table.set_column(table.schema.get_field_index(name), field, column.cast(field.type))
-        self.write(path, table)
+        self.write(path, with_column(table, name, column))
         self.mend()
         return f"{path.name}: cells of {name}"
 
@@ -193,53 +201,25 @@ class Mutant:
         self.replace(path, kind)
         return f"{path.name}: {kind}"
 
-    def many_attempts(self, scenes, attempts):
-        """One shard of this many scenes and attempts a scene, all the same but for their keys; all else is consistent."""
-        info = json.loads((self.folder / INFO).read_text())
-        promised = {"scene_count": scenes, "attempt_count": scenes * attempts, "attempts_per_scene": attempts}
-        (self.folder / INFO).write_text(json.dumps({**info, "shard_count": 1, **promised}, indent=2) + "\n")
-        of_scene = {table: pq.read_table(self.folder / f"{table}/shard-00000-of-00002.parquet") for table in TABLES}
-        of_scene = {table: rows.filter(pc.equal(rows["scene_id"], 0)) for table, rows in of_scene.items()}
-        hits = pc.equal(of_scene["attempts"]["outcome"].cast(pa.string()), "pregrasp_collision")
-        attempt = of_scene["attempts"].filter(hits).slice(0, 1)
-        tables = {
-            "attempts": attempt.take(pa.array(np.zeros(scenes * attempts, np.int64))),
-            **{table: pa.concat_tables([of_scene[table]] * scenes).unify_dictionaries() for table in ("objects", "scenes")},
-        }
-        columns = {
-            ("attempts", "scene_id"): np.repeat(np.arange(scenes), attempts),
-            ("attempts", "attempt_id"): np.tile(np.arange(attempts), scenes),
-            ("objects", "scene_id"): np.repeat(np.arange(scenes), len(of_scene["objects"])),
-            ("scenes", "scene_id"): np.arange(scenes),
-            ("scenes", "attempt_count"): np.full(scenes, attempts),
-        }
-        for (table, name), values in columns.items():
-            rows = tables[table]
-            place = rows.schema.get_field_index(name)
-            field = rows.schema.field(name)
-            tables[table] = rows.set_column(place, field, pa.array(values.astype(field.type.to_pandas_dtype())))
-        marker, entries = json.loads(self.markers[0].read_text()), {}
-        for table, rows in tables.items():
-            for path in (self.folder / table).glob("*.parquet"):
-                path.unlink()
-            path = self.folder / table / "shard-00000-of-00001.parquet"
+    def many_attempts(self, times):
+        """Every attempt so many times, in the one shard that is there; all else is consistent."""
+        info, [marker] = json.loads((self.folder / INFO).read_text()), self.markers
+        info |= {name: info[name] * times for name in ("attempt_count", "attempts_per_scene")}
+        (self.folder / INFO).write_text(json.dumps(info, indent=2) + "\n")
+        value = json.loads(marker.read_text())
+        paths = [self.folder / value[table]["path"] for table in ("attempts", "scenes")]
+        attempts, scenes = map(pq.read_table, paths)
+        numbers = np.repeat(attempts["attempt_id"].to_numpy() * times, times) + np.tile(np.arange(times), len(attempts))
+        attempts = attempts.take(pa.array(np.repeat(np.arange(len(attempts)), times)))
+        scenes = with_column(scenes, "attempt_count", pa.array(scenes["attempt_count"].to_numpy() * times))
+        for rows, path in zip((with_column(attempts, "attempt_id", pa.array(numbers)), scenes), paths):
             pq.write_table(rows, path, compression="zstd", version="2.6", row_group_size=len(rows))
-            entries[table] = {"path": f"{table}/{path.name}", "rows": len(rows)}
-            marker[table].update(entries[table])
-        counts, rule = marker["counts"], attempt["rule"].to_pylist()[0]
-        promised = {"scenes": scenes, "objects": len(tables["objects"])}
-        counts.update(promised, labels={"attempts": scenes * attempts, "positives": 0})
-        counts["outcomes"] = {name: 0 for name in counts["outcomes"]} | {"pregrasp_collision": scenes * attempts}
-        counts["rules"] = {name: {"attempts": 0, "positives": 0} for name in counts["rules"]}
-        counts["rules"][rule]["attempts"] = scenes * attempts
-        counts["rejections"] = {name: 0 for name in counts["rejections"]}
-        for path in self.markers[1:]:
-            path.unlink()
-        self.markers = self.markers[:1]
-        self.markers[0].write_text(sealed(marker))
-        del marker["seal"]
+        counts = value["counts"]
+        counts |= {name: multiplied(counts[name], times) for name in ("labels", "outcomes", "rules")}
+        value["attempts"]["rows"] = len(attempts)
+        marker.write_text(sealed(value))
         manifest = json.loads((self.folder / MANIFEST).read_text())
-        (self.folder / MANIFEST).write_text(sealed({**manifest, "totals": counts, "shards": [marker]}))
+        (self.folder / MANIFEST).write_text(sealed({**manifest, "totals": counts}))
         self.mend()
 
     def replace(self, name, kind):

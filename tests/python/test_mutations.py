@@ -19,7 +19,7 @@ from collections import Counter
 
 import pytest
 from mutations import CARD, INFO, LAST, MANIFEST, Mutant
-from programs import DATASET, PACKAGE, QUICK, files, program, run
+from programs import DATASET, PACKAGE, QUICK, ROOT, files, program, run
 
 COUNT = int(os.environ.get("GRASPMILL_MUTATIONS", 6))  # in a short run
 SEED = int(os.environ.get("GRASPMILL_MUTATIONS_SEED", 1))
@@ -135,8 +135,10 @@ def test_stored_physics_is_held_to_its_ranges(tmp_path):
 
 def test_memory_does_not_follow_the_rows(tmp_path):
     """Two million attempts in one table: columns decoded whole would take more than twice this limit."""
-    mutant = Mutant(DATASET, tmp_path / "data")
-    mutant.many_attempts(20, 100_000)
+    small = ["--shards", 1, "--attempts", 1_000, "--set", "attempts_per_scene=50"]
+    run("generator", "--config", ROOT / "configs/generate/demo.toml", *small, "--out", tmp_path / "small", code=0)
+    mutant = Mutant(tmp_path / "small", tmp_path / "data")
+    mutant.many_attempts(2_000)
     limit = lambda: resource.setrlimit(resource.RLIMIT_DATA, (160 << 20, 160 << 20))
     ended = run("graspmill", "dataset", "verify", mutant.folder, preexec_fn=limit, timeout=TIME_S, code=0)
     assert "2000000 attempts" in ended.stdout, ended
