@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from programs import ROOT, packaged, ran
 
-from judge_onnx import OUTCOMES, Judge, grasps_of  # noqa: E402
+from judge_onnx import OUTCOMES, Judge, grasps_of, rotation  # noqa: E402
 
-pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 # A TSDF does not say from how many views it was made; the planner then assumes six.
 VIEWS = 6
 
@@ -44,6 +44,20 @@ def test_the_judge_in_onnx_says_what_the_planner_says(folder, tsdf):
     assert np.abs(singles[0] - singles[1]).max() > 1e-3
     # Six grasps are asked about in all images; another, asked about once, may come before the last of them.
     assert (apart_mean[:10] < 2e-4).sum() >= 6 and apart_mean[:3].max() < 2e-4, apart_mean
+
+
+def test_the_packages_crops_are_those_of_the_script(folder, tsdf):
+    """Its numbers are of the same points and features; `test_package_torch.py` has what the trainer sees."""
+    judge, grasps = Judge(folder / "judge.onnx"), grasps_of(folder / "plan.json")[:12]
+    poses = [[*position_m, *turn] for position_m, turn in grasps]
+    seen, lower = (graspmill.grasp_crops(tsdf, poses, views=3, table_z_m=table_z_m) for table_z_m in (0.05, 0.02))
+    for number, (position_m, turn) in enumerate(grasps):
+        pose = np.asarray(position_m), rotation(turn)
+        np.testing.assert_allclose(seen.features[number], judge.facts(*pose, 3), atol=1e-5)
+        for crop, expected in ((seen.crop, judge.crop(tsdf, *pose)), (seen.context, judge.surroundings(tsdf, *pose))):
+            off = np.abs(np.moveaxis(crop[number], -1, 0) - expected)
+            assert off[0][expected[1] > 0.05].max() < 1e-4 and off[1:].max() < 1e-4
+    np.testing.assert_allclose(lower.features[:, 3] - seen.features[:, 3], 0.3, atol=1e-5)
 
 
 def test_an_export_says_what_it_was_trained_for(folder):

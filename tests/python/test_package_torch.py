@@ -14,7 +14,6 @@ torch = pytest.importorskip("torch")
 
 import graspmill._order  # noqa: E402
 import graspmill.torch as gt  # noqa: E402
-from graspmill._arrays import matrices  # noqa: E402
 
 
 def axis_of(rotation):
@@ -138,44 +137,6 @@ def test_a_stream_holds_no_more_grids_than_it_may(dataset, monkeypatch):
     monkeypatch.setattr(stream, "_together", counted)
     assert len(list(stream)) > 10
     assert len(blocks) > 8 and max(alive) == 0, alive
-
-
-def box_of(low, high, counts):
-    axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, counts)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-
-
-def looked_up(tsdf, points_m):
-    """The mean of the observed distances about points, and the share that was observed, voxel by voxel."""
-    padded = np.pad(tsdf, 1)
-    at = np.clip(points_m / 0.0075 + 0.5, 0, 41 - 1e-3)
-    low, share, total = at.astype(int), 0.0, 0.0
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.prod(np.where(corner, at - low, 1 - (at - low)), axis=-1)
-        value = padded[tuple(np.moveaxis(low + corner, -1, 0))]
-        share, total = share + weight * (value > 0), total + weight * value
-    return np.where(share > 1e-3, 2 * total / np.maximum(share, 1e-9) - 1, 0), share
-
-
-def test_a_grasps_crop_is_what_lies_at_its_points(dataset):
-    scene = dataset.scene(3)
-    half = (0.088, 0.06, 0.06)
-    # parallel_jaw_80: opening 80, fingers 50 x 20 x 10, palm 40 x 40 x 120 mm; 50 mm of approach, 20 beyond the tips.
-    sides = (((-0.02, -0.06, -0.14), (0.02, 0.06, 0.02), (8, 20, 28)), (np.negative(half), half, (12, 8, 8)))
-    for pose in matrices(scene.workspace_from_grasp[:12]):
-        seen = graspmill.grasp_crops(scene.tsdf, pose[None], views=3)
-        for (low, high, counts), values in zip(sides, (seen.crop[0], seen.context[0])):
-            points = box_of(low, high, counts) @ pose[:3, :3].T + pose[:3, 3]
-            distance, share = looked_up(scene.tsdf, points)
-            assert np.abs(values[..., 2] - np.clip((points[..., 2] - 0.05) / 0.03, -1, 1)).max() < 1e-3
-            assert np.abs(values[..., 1] - share).max() < 2e-3
-            sure = share > 0.05
-            assert np.abs(values[..., 0] - distance)[sure].max() < 0.02
-        up = pose[2, :3]
-        assert np.allclose(seen.features[0, :5], [*up, (pose[2, 3] - 0.05) / 0.1, 0.5], atol=1e-5)
-        assert np.allclose(seen.features[0, 5:9], [0.8, 0.5, 0.2, 0.1], atol=1e-6)
-    lower = graspmill.grasp_crops(scene.tsdf, pose[None], table_z_m=0.02)
-    assert np.allclose(lower.features[0, 3] - seen.features[0, 3], 0.3, atol=1e-5)
 
 
 def test_wrong_grids_of_grasps_are_refused(dataset):
