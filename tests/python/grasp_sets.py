@@ -76,6 +76,19 @@ def again(path, form, **options):
     return read_grasps(path, **({"base_to_tips_m": BASE_M} if form == "isaac_grasp" else {}), **options)
 
 
+def keys_of(batch):
+    """What tells samples of a batch of `graspmill.torch.GraspStream` apart."""
+    rows = zip(batch["voxel"].tolist(), batch["rotation"].tolist(), batch["label"].tolist())
+    return [(*voxel, *rotation, label) for voxel, rotation, label in rows]
+
+
+def points_of(depth_m):
+    """What an image of 640 x 480 pixels shows, in its camera's frame: [N, 3], in metres."""
+    v, u = np.nonzero(depth_m)
+    z = depth_m[v, u]
+    return np.stack([(u - 320.0) / 540.0 * z, (v - 240.0) / 540.0 * z, z], axis=1).astype(np.float32)
+
+
 def refused(match, call):
     with pytest.raises(InputError, match=match) as told:
         call()

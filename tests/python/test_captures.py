@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from grasp_sets import ALIASES, graspmill, refused
+from grasp_sets import ALIASES, BOXED, CAMERA, graspmill, points_of, refused
 from graspmill.formats.captures import cloud, lens  # noqa: E402
 from programs import planned  # noqa: E402
 
@@ -145,12 +145,9 @@ def test_what_is_no_lens_is_refused(tmp_path, text, expected):
 
 
 def test_the_command_takes_them_as_what_they_are_in_ours(tmp_path):
-    camera = graspmill.Camera.look_at((0.15, -0.3, 0.4), (0.15, 0.15, 0.06))
-    depth = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))]).render(camera)
-    v, u = np.nonzero(depth)
-    points = np.stack([(u - 320) / 540 * depth[v, u], (v - 240) / 540 * depth[v, u], depth[v, u]], axis=1).astype("<f4")
-    points = (points @ camera.workspace_from_camera[:3, :3].T + camera.workspace_from_camera[:3, 3]).astype("<f4")
-    eye = " ".join(map(str, camera.workspace_from_camera[:3, 3]))
+    depth, pose = BOXED.render(CAMERA), CAMERA.workspace_from_camera
+    points = (points_of(depth) @ pose[:3, :3].T + pose[:3, 3]).astype("<f4")
+    eye = " ".join(map(str, pose[:3, 3]))
     head = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT {eye} 1 0 0 0\nPOINTS {len(points)}\nDATA binary\n"
     (tmp_path / "seen.pcd").write_bytes(head.encode() + points.tobytes())
     np.save(tmp_path / "seen.npy", points)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from grasp_sets import BOX, BOXED, CAMERA as RIGHT, graspmill, refused
+from grasp_sets import BOX, BOXED, CAMERA as RIGHT, graspmill, points_of, refused
 from programs import planned, planned_view  # noqa: E402
 
 K = [[540.0, 0.0, 320.0], [0.0, 540.0, 240.0], [0.0, 0.0, 1.0]]
@@ -138,12 +138,6 @@ def test_other_cameras_stand_in_the_frame_of_the_first():
     far = [np.sum((abs(cloud[:, 1] - 0.18) < 0.004) & (cloud[:, 2] > 0.06) & (cloud[:, 2] < 0.09)) for cloud in clouds]
     assert far[0] == 0 and far[1] > 50, far
     refused("workspace_from_camera must be given, got None", lambda: PLANNER.plan([first, second], [camera, camera]))
-
-
-def points_of(depth):
-    v, u = np.nonzero(depth)
-    z = depth[v, u]
-    return np.stack([(u - 320.0) / 540.0 * z, (v - 240.0) / 540.0 * z, z], axis=1).astype(np.float32)
 
 
 def test_a_cloud_in_its_cameras_frame_is_enough(tmp_path):
@@ -300,22 +294,18 @@ def pixels(png):
 
 
 def test_an_overlay_is_drawn_into_the_image_of_the_first_camera():
+    """`report/src/overlay.rs` has what is drawn, and where."""
     depth, camera, pose = seen_from(EYES[0])
-    plan = PLANNER.plan(depth, camera)
-    grey = np.full((*SHAPE, 3), 90, np.uint8)
+    plan, grey = PLANNER.plan(depth, camera), np.full((*SHAPE, 3), 90, np.uint8)
     drawn = plan.overlay(grey)
-    assert drawn.startswith(b"\x89PNG") and pixels(drawn).shape == (*SHAPE, 3)
     changed = abs(pixels(drawn) - 90).max(axis=2) > 30
-    assert 300 < changed.sum() < 0.3 * changed.size
     # Around the tips of the best grasp.
     x, y, z = plan[0].camera_from_grasp[:3, 3]
     u, v = round(540.0 * x / z + 320.0), round(540.0 * y / z + 240.0)
-    assert changed[v - 40 : v + 41, u - 40 : u + 41].any(), (u, v)
-    assert not changed[-60:].any() and not changed[:, :60].any(), "far from all grasps"
+    assert changed[v - 40 : v + 41, u - 40 : u + 41].any() and changed.mean() < 0.3, (u, v)
     # An image with alpha is as good, and without one the depth is drawn in grey.
     assert plan.overlay(np.dstack([grey, grey[:, :, :1]])) == drawn
-    alone, bare = plan.overlay(), PLANNER.plan(np.where(depth > 0, depth, 0), camera, grasps_max=1).overlay()
-    assert pixels(alone).shape == (*SHAPE, 3) and pixels(alone).std() > 5 and alone != bare
+    assert pixels(plan.overlay()).shape == (*SHAPE, 3) and pixels(plan.overlay()).std() > 5
     placed = PLANNER.plan(depth, graspmill.Camera.from_K(K, SHAPE, pose)).overlay(grey)
     assert pixels(placed).shape == (*SHAPE, 3)
 

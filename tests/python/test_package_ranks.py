@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grasp_sets import graspmill, refused
+from grasp_sets import graspmill, keys_of, refused
 torch = pytest.importorskip("torch")
 
 import graspmill._order  # noqa: E402
@@ -15,11 +15,6 @@ SMALL = {"batch": 12, "buffer_scenes": 6, "samples_per_scene": 8}
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     monkeypatch.setattr(graspmill._order, "BLOCK", 4)
-
-
-def keys_of(batch):
-    keys = torch.cat([batch["voxel"].float(), batch["rotation"], batch["label"][:, None]], dim=1)
-    return [tuple(key.tolist()) for key in keys]
 
 
 def stream_of(dataset, rank, ranks, epoch=1, **more):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp_sets import graspmill, refused
+from grasp_sets import graspmill, keys_of, refused
 from programs import commanded, packaged
 
 torch = pytest.importorskip("torch")
@@ -67,8 +67,7 @@ def test_a_stream_has_every_sample_once_in_a_seeded_order(dataset, workers):
         for batch in torch.utils.data.DataLoader(stream, batch_size=None, num_workers=workers):
             assert batch["tsdf"].shape[1:] == (1, 40, 40, 40) and batch["scene"].max() < len(batch["tsdf"])
             assert len(batch["label"]) <= 32
-            keys = torch.cat([batch["voxel"].float(), batch["rotation"], batch["label"][:, None]], dim=1)
-            seen.extend(tuple(key.tolist()) for key in keys)
+            seen.extend(keys_of(batch))
         return seen, stream.sample_count
 
     first, count = epoch(0)
