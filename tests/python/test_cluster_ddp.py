@@ -1,5 +1,4 @@
-"""scripts/cluster/train_ddp.sbatch on a real Slurm, and kubernetes-train-ddp.yaml against schemas and what it starts.
-No network but loopback; without Slurm or PyTorch the tests that need them are skipped with a reason."""
+"""scripts/cluster/train_ddp.sbatch on a real Slurm; kubernetes-train-ddp.yaml against schemas and what it starts."""
 
 import argparse
 import re

@@ -1,6 +1,5 @@
-"""Reads the output of `graspmill dataset export` like other projects' loaders and compares it with the dataset's rows.
-The loaders here work like VGN's `dataset.py` and GIGA's `dataset_voxel.py`, with only numpy and csv. The originals were
-run, too."""
+"""Reads `graspmill dataset export` like VGN's `dataset.py` and GIGA's `dataset_voxel.py`, with only numpy and csv, and
+compares it with the dataset's rows. The originals were run, too."""
 
 import csv
 import fcntl

@@ -1,6 +1,5 @@
-"""The cluster files match their schemas and this program. No cluster is needed: the manifests are checked with
-Kubernetes' own schemas (kubernetes-validate) and with what an API server asks beyond them.
-`cli/tests/it/generate/cluster.rs` has what the pods make."""
+"""The cluster files match their schemas (kubernetes-validate), what an API server asks beyond them, and this program;
+no cluster is needed. `cli/tests/it/generate/cluster.rs` has what the pods make."""
 
 import copy
 import functools

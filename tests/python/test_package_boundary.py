@@ -1,5 +1,4 @@
-"""Where the package meets its interpreter: memory that ends, Ctrl-C, threads that wait for each other, the interpreter's end, and
-arguments that only look like arrays or text."""
+"""Where the package meets its interpreter: memory, Ctrl-C, threads, its end, what only looks like arrays or text."""
 
 import os
 import re

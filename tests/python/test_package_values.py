@@ -1,6 +1,4 @@
-"""Any value in any argument of the package: an answer or an error of the package, and the process goes on.
-
-A long run tries ten times as many, in a minute on two cores."""
+"""Any value in any argument of the package is answered or refused, and the process goes on."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,4 @@
-"""Opens the programs' pages in headless Chromium: there are no errors and no network requests, and text is readable at a phone's
-width and in dark mode."""
+"""The programs' pages in headless Chromium: no errors, no requests, and text that can be read on every screen."""
 
 import io
 import math

@@ -1,6 +1,5 @@
-"""Hostile and faulty clients of `graspmill serve`. Each kind of malformed request is a function that returns the bytes
-of a body and whether it must be refused. A body with a random difference from a valid one (a flipped bit) may also be
-accepted. `planner/src/input` damages images, clouds and grids."""
+"""Hostile and faulty clients of `graspmill serve`. A malformed request is a function that returns a body's bytes, and
+whether it must be refused: one with a flipped bit may be right. `planner/src/input` damages images and clouds."""
 
 import json
 import random

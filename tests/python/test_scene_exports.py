@@ -1,6 +1,5 @@
-"""Scenes for simulators: MuJoCo, PyBullet and USD load them, and what is at rest stays there. Piles of primitives,
-household and catalogue objects, in bins, on trays and in shelves. The numbers are held against the cross-check's own
-reading of the dataset."""
+"""Scenes for simulators: MuJoCo, PyBullet and USD load them, and what is at rest stays there. The numbers are held
+against the cross-check's own reading of the dataset."""
 
 import json
 

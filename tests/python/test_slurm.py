@@ -1,5 +1,4 @@
-"""scripts/cluster on a real Slurm: after any kills, datasets and training end the same. The cluster is on loopback
-(slurm.py); without Slurm the tests are skipped with a reason."""
+"""scripts/cluster on a real Slurm on loopback (slurm.py): after any kills, datasets and training end the same."""
 
 import contextlib
 import os

@@ -1,6 +1,4 @@
-"""A dataset on a real S3 server trains as from a folder, and faults of the server are reported. The server is SeaweedFS
-on loopback in a temporary folder; nothing outside this machine is contacted. If it cannot be started, the tests are
-skipped with a reason."""
+"""A dataset on a real S3 server, SeaweedFS on loopback, trains as from a folder, and the server's faults are told."""
 
 import json
 import os
