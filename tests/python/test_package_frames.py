@@ -28,7 +28,7 @@ OPENGL = "it would be seen there if workspace_from_camera were in OpenGL's camer
 MISTAKES = {
     "none": (POSE, K, None),
     "OpenGL": (POSE @ np.diag([1.0, -1.0, -1.0, 1.0]), K, OPENGL),
-    "another size": (POSE, [1080.0, 0, 640, 0, 1080.0, 480, 0, 0, 1], "the intrinsics those of another size?: views[0]"),
+    "another size": (POSE, [1080.0, 0, 640, 0, 1080.0, 480, 0, 0, 1], "intrinsics those of another size?: views[0]"),
 }
 
 
