@@ -9,8 +9,6 @@ use crate::{DatasetInfo, Draft, Location, Table};
 
 /// Maximum number of reported differences.
 const DIFFERENCES_MAX: usize = 4;
-/// Ends of paths to values that are too long to be told.
-const LONG: [&str; 4] = [".corners_m", ".mesh", ".corners_100nm", ".triangles"];
 
 impl Draft {
     /// Publishes `meta/info.json`, or finds an equal one.
