@@ -153,7 +153,7 @@ impl Judge {
         let count = lacking.iter().filter(|is_lacking| **is_lacking).count();
         if count > 0 {
             let times = if spread == Spread::Each { 2 } else { 1 };
-            let more = |each: usize, all: usize| times * (each * count).min(all / 2);
+            let more = |each: usize, all: usize| times * (each * count).min(all);
             let search = Search { proposals: more(PROPOSED, proposals), asked: more(ASKED, asked), ..*search };
             let is_meant = |thing: Option<usize>| thing.is_some_and(|thing| lacking[thing]);
             let wanted = seen.things.shared(&seen.space, &about, is_meant);

@@ -16,8 +16,8 @@ const SIDE_MAX: f32 = 200.0;
 /// A thing has points in at least this many cubes, 6 cm² of it. What has fewer is noise, or too little to be held.
 const CUBES_MIN: usize = 16;
 /// What is longer than so many cubes are things that touch: each square of so many cubes counts as one of them.
-const LONG: usize = 42;
-const SQUARE: usize = 14;
+const LONG: usize = 12;
+const SQUARE: usize = 9;
 /// Points of the smallest things are drawn so many times as often as without shares.
 const TIMES_MAX: usize = 16;
 

@@ -1,11 +1,11 @@
 //! The rim of a container whose walls lean, curve or have holes: a piece that goes all around, is about as high
 //! everywhere, and hollow.
 
-use schema::Vec3;
+use schema::{Vec2, Vec3};
 
 use crate::heights::{Pieces, SECTORS, sector};
 use crate::table::median;
-use crate::walls::height_off_m;
+use crate::walls::{OUTER_M, OVER_M, WALL_M, Wall, height_off_m};
 
 /// What is lower or less wide than this is no container.
 const HIGH_M_MIN: f32 = 0.03;
@@ -15,6 +15,9 @@ const ALIKE_MIN: usize = 27;
 /// … and in the middle, up to this share of the way to its ends, is no more than this share of the piece.
 const HOLLOW: f32 = 0.5;
 const INSIDE_SHARE: f32 = 0.05;
+
+/// Two walls meet in a curve that is no wider than this.
+const ROUND_M_MAX: f32 = 0.08;
 
 /// A rim, and what is joined to it.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,9 +62,28 @@ impl Pieces {
     }
 }
 
+impl Wall {
+    /// Whether a point belongs to the curve in which this wall goes over into one at a right angle to it.
+    #[must_use]
+    pub fn turns_into(&self, next: &Self, point_m: Vec3) -> bool {
+        // From the ends of one to the line of the other; the curve is about as wide.
+        let gap_m = |one: &Self, other: &Self| {
+            let [first, last] = one.edge_m().map(|end| other.place_m(end)[0]);
+            first.min(last)
+        };
+        let radius_m = gap_m(self, next).max(gap_m(next, self));
+        let off_m = Vec2::splat(radius_m) - Vec2::new(self.place_m(point_m)[0], next.place_m(point_m)[0]);
+        let below_m = self.top_m - point_m.z;
+        let deep_m = self.slope.max(next.slope) * below_m.max(0.0) + WALL_M;
+        let is_corner = self.inward.dot(next.inward).abs() < 0.1 && (WALL_M..ROUND_M_MAX).contains(&radius_m);
+        let is_in = off_m.min_element() > 0.0 && off_m.max_element() < radius_m + OUTER_M;
+        is_corner && is_in && off_m.length() > radius_m - deep_m && below_m >= -OVER_M
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use schema::{Vec2, axis_angle};
+    use schema::axis_angle;
 
     use super::*;
 
@@ -102,6 +124,38 @@ mod tests {
             assert!(share > 0.97, "{share}");
             assert!(!thing.iter().any(|at| pieces.is_of(&rim, *at)));
             assert!(rim.edge_m.len() > 30 && rim.edge_m.iter().all(|at| at.z > TABLE_M + 0.05), "{:?}", rim.edge_m);
+        }
+    }
+
+    #[test]
+    fn walls_that_meet_in_a_curve_have_its_points_and_none_of_what_stands_in_the_corner() {
+        let wall = |inward: Vec2, ends_m: [f32; 2]| Wall {
+            inward,
+            offset_m: -0.1,
+            ends_m,
+            top_m: 0.1,
+            bottom_m: 0.0,
+            slope: 0.2,
+            is_seen: true,
+        };
+        // They stand at x = -0.1 and y = -0.1, and end 40 mm before the corner.
+        let (one, next) = (wall(Vec2::X, [-0.06, 0.1]), wall(Vec2::Y, [-0.1, 0.06]));
+        let curve = |angle: f32, in_m: f32, z_m: f32| {
+            let way_m = Vec2::new(libm::cosf(angle), libm::sinf(angle)) * (0.04 - in_m);
+            (Vec2::splat(-0.06) - way_m).extend(z_m)
+        };
+        for angle in [0.1, 0.5, 0.8, 1.2, 1.5] {
+            // 20 mm below the upper edge it has come inwards by 4 mm.
+            for (at_m, is_wall) in [
+                (curve(angle, 0.0, 0.1), true),
+                (curve(angle, 0.01, 0.08), true),
+                (curve(angle, 0.02, 0.08), false),
+                (curve(angle, 0.0, 0.13), false),
+            ] {
+                assert_eq!(one.turns_into(&next, at_m), is_wall, "{at_m} at {angle}");
+                assert_eq!(next.turns_into(&one, at_m), is_wall, "{at_m} at {angle}");
+            }
+            assert!(!one.turns_into(&one, curve(angle, 0.0, 0.1)));
         }
     }
 

@@ -44,10 +44,10 @@ const EDGE_SHARE_MIN: f32 = 0.5;
 /// Least part of a wall that lies between those that it connects.
 const CONNECTED_SHARE: f32 = 0.6;
 /// A wall's points are this near to it, and on its outer side so near.
-const WALL_M: f32 = 0.008;
-const OUTER_M: f32 = 0.020;
+pub(crate) const WALL_M: f32 = 0.008;
+pub(crate) const OUTER_M: f32 = 0.020;
 /// So far over its upper edge it may still be the wall: heights along it differ.
-const OVER_M: f32 = 0.5 * HEIGHT_OFF_SHARE * TALL_M;
+pub(crate) const OVER_M: f32 = 0.5 * HEIGHT_OFF_SHARE * TALL_M;
 /// Walls lean outwards by at most this many metres a metre, tried in such steps.
 const SLOPES: usize = 22;
 const SLOPE_STEP: f32 = 0.025;
@@ -79,7 +79,7 @@ pub struct Wall {
 
 impl Wall {
     /// How far a point is inwards of the upper edge, and where it is along the wall, in metres.
-    fn place_m(&self, point_m: Vec3) -> [f32; 2] {
+    pub(crate) fn place_m(&self, point_m: Vec3) -> [f32; 2] {
         let at = point_m.truncate();
         [at.dot(self.inward) - self.offset_m, at.dot(self.inward.perp())]
     }

@@ -242,7 +242,10 @@ impl Walls {
         let is_wall = |at: &Vec3| {
             // Below a board's edge are things.
             let is_edge = board.as_ref().is_some_and(|edge| edge.has(*at) && edge.is_level_with(*at));
-            is_edge || walls.iter().any(|wall| wall.has(*at)) || rim.iter().any(|rim| pieces.is_of(rim, *at))
+            let is_corner = |wall: &Wall| walls.iter().any(|next| wall.turns_into(next, *at));
+            is_edge
+                || walls.iter().any(|wall| wall.has(*at) || is_corner(wall))
+                || rim.iter().any(|rim| pieces.is_of(rim, *at))
         };
         let (mut walls_m, mut things_m): (Vec<Vec3>, Vec<Vec3>) = off_table.partition(is_wall);
         things_m.retain(|at| !walls.iter().any(|wall| wall.is_behind(*at)));

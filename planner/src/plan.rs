@@ -204,8 +204,6 @@ pub enum RejectReason {
         /// Points inside what the gripper sweeps.
         points: usize,
     },
-    /// No turn about its approach closes on what was seen by a free way.
-    NoClosing,
     /// It would hold pixels that fly between a thing and what is behind it.
     Flying,
     /// Beyond the requested number of grasps.
@@ -232,9 +230,6 @@ impl RejectReason {
             Self::Collision { points } => {
                 ("collision", format!("the gripper would pass through {points} points of the cloud"))
             }
-            Self::NoClosing => {
-                ("no_closing", "no turn about its approach closes on what was seen by a free way".into())
-            }
             Self::Flying => ("flying_points", "it holds pixels between a thing and what is behind it".into()),
             Self::BeyondLimit => ("beyond_limit", "beyond the requested number of grasps".into()),
         }
@@ -248,7 +243,7 @@ pub struct DroppedCandidate {
     #[serde(skip)]
     pub reason: RejectReason,
     /// `far_from_surface`, `width`, `quality`, `not_a_number`, `suppressed`, `avoided`, `limited`, `collision`,
-    /// `no_closing`, `flying_points` or `beyond_limit`.
+    /// `flying_points` or `beyond_limit`.
     pub why: &'static str,
     /// The reason as text, with the numbers.
     pub detail: String,

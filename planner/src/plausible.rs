@@ -118,13 +118,15 @@ fn of_views(views: &[View], from: usize, target: impl Fn(&View) -> Pose + Sync, 
     warnings
 }
 
-/// Whether points show a level table at the workspace's height.
-fn show_table(points_m: &[Vec3], grid: &Grid, seed: u64) -> bool {
+/// How far from the workspace's height points show a level table; `None` if they do not near it.
+fn table_off_m(points_m: &[Vec3], grid: &Grid, seed: u64) -> Option<f32> {
     let on_table: Vec<Vec3> =
         points_m.iter().copied().filter(|at| (at.z - grid.table_z_m).abs() <= HEIGHT_OFF_M_MAX).collect();
     let plane = find_plane(&on_table, &QUICK, &mut Stream::new(seed, 0, Purpose::Plane, 2));
     let level = plane.is_some_and(|found| found.plane.normal.z >= libm::cosf(TILT_RAD_MAX));
-    level && on_table.len() as f32 >= QUICK_SHARE_MIN * points_m.len() as f32
+    let is_table = level && on_table.len() as f32 >= QUICK_SHARE_MIN * points_m.len() as f32;
+    let height_m = on_table.iter().map(|at| at.z).sum::<f32>() / on_table.len() as f32;
+    is_table.then(|| (height_m - grid.table_z_m).abs())
 }
 
 /// What is wrong with a view's pose, unit or lens, by the table that it shows.
@@ -132,7 +134,7 @@ fn misplaced(view: &View, workspace_from_target: Pose, grid: &Grid, seed: u64) -
     let (lens, given) = (view.camera.intrinsics, view.camera.workspace_from_camera);
     let is_likely = BETTER * likelihood(&lens) >= 1.0;
     // At most plans it is there.
-    if is_likely && show_table(&seen_m(view, QUICK_COLUMNS_PX), grid, seed) {
+    if is_likely && table_off_m(&seen_m(view, QUICK_COLUMNS_PX), grid, seed).is_some() {
         return None;
     }
     let camera_from_workspace = given.inverse();
@@ -211,7 +213,7 @@ impl Sight {
 /// What is wrong with a cloud in the workspace, into which it came from a frame with this pose if it has one.
 fn of_cloud(points_m: &[Vec3], workspace_from_cloud: Option<Pose>, grid: &Grid, seed: u64) -> Option<String> {
     let quick_m = thinned(points_m, QUICK_POINTS);
-    if show_table(&quick_m, grid, seed) {
+    if table_off_m(&quick_m, grid, seed).is_some() {
         return None;
     }
     if let Some(given) = workspace_from_cloud {
@@ -229,12 +231,13 @@ fn of_cloud(points_m: &[Vec3], workspace_from_cloud: Option<Pose>, grid: &Grid, 
         return None;
     }
     let nowhere = format!("the cloud has no table at z = {:.0} mm, where the workspace has it", 1e3 * grid.table_z_m);
-    let is_right = |share: &f32| {
-        let scaled: Vec<Vec3> = quick_m.iter().map(|at| *at * *share).collect();
+    let off = |share: f32| {
+        let scaled: Vec<Vec3> = quick_m.iter().map(|at| *at * share).collect();
         let [low_m, high_m] = bounds_m(&scaled);
-        (SIDE_M[0]..SIDE_M[1]).contains(&(high_m - low_m).truncate().max_element()) && show_table(&scaled, grid, seed)
+        let is_wide = (SIDE_M[0]..SIDE_M[1]).contains(&(high_m - low_m).truncate().max_element());
+        is_wide.then(|| Some((table_off_m(&scaled, grid, seed)?, share))).flatten()
     };
-    if let Some(share) = DEPTHS.into_iter().find(is_right) {
+    if let Some((_, share)) = DEPTHS.into_iter().filter_map(off).min_by(|a, b| a.0.total_cmp(&b.0)) {
         return Some(format!("{nowhere}; it would be there if the cloud were {share} of what it is (metres)"));
     }
     let found = find_tables(points_m, None, None, &mut Stream::new(seed, 0, Purpose::Plane, 1));
@@ -251,7 +254,9 @@ fn of_cloud(points_m: &[Vec3], workspace_from_cloud: Option<Pose>, grid: &Grid, 
 /// What is wrong with the axes of a TSDF.
 fn of_tsdf(field: &VoxelGrid, grid: &Grid, seed: u64) -> Option<String> {
     let (points_m, [low_m, high_m]) = (surface_cloud(field, PITCH_M), field.lattice.corners_m());
-    let shows = |turn: &dyn Fn(&Vec3) -> Vec3| show_table(&points_m.iter().map(turn).collect::<Vec<_>>(), grid, seed);
+    let shows = |turn: &dyn Fn(&Vec3) -> Vec3| {
+        table_off_m(&points_m.iter().map(turn).collect::<Vec<_>>(), grid, seed).is_some()
+    };
     if shows(&|at| *at) {
         return None;
     }

@@ -20,8 +20,6 @@ const CLEARANCE_M_MAX: f32 = 0.02;
 const FAR_M: f32 = 1e3;
 /// An object is at rest in the gripper if for so long it moves no faster than [`Hold::slow`] says.
 const REST_TIME_S: f32 = 0.025;
-/// Fingers that stand still wait at most so long for what is light between them.
-const SETTLE_S_MAX: f32 = 0.25;
 /// However far it may go: what starts to tip gets faster and faster. In m/s and rad/s.
 const SLOW_MAX: [f32; 2] = [0.004, 0.08];
 
@@ -128,7 +126,6 @@ impl<'a> FloatingWorld<'a> {
         // On a table friction ends what the first touch began; what floats would drift on between two fingers that
         // know nothing of each other. From when both press, they are tied as in a lift.
         let mut asymmetry_m = None;
-        let (share, waits, mut waited) = (stepper.weight_share(0), world.physics.steps(SETTLE_S_MAX), 0);
         for step in skipped..world.physics.steps(world.procedure.close_time_s_max) {
             stepper.step();
             if let Some(watcher) = watcher.as_deref_mut() {
@@ -144,12 +141,7 @@ impl<'a> FloatingWorld<'a> {
                 stepper.press(*asymmetry_m.get_or_insert(closed_m[0] - closed_m[1]));
             }
             if fingers.have_stopped(closed_m) {
-                waited += 1;
-                // What got more inertia than its own takes longer to turn to where it lies flat against the fingers.
-                let slow = SLOW_MAX.map(|speed| speed * share.sqrt());
-                if share == 1.0 || waited > waits || stepper.is_slow(0, Vec3::ZERO, slow) {
-                    break;
-                }
+                break;
             }
         }
         stepper.jaws.keep_pace(false);
