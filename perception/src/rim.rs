@@ -1,7 +1,7 @@
 //! The rim of a container whose walls lean, curve or have holes: a piece that goes all around, is about as high
 //! everywhere, and hollow.
 
-use schema::{Vec2, Vec3};
+use schema::Vec3;
 
 use crate::heights::{Pieces, SECTORS, sector};
 use crate::table::median;
@@ -63,27 +63,27 @@ impl Pieces {
 }
 
 impl Wall {
-    /// Whether a point belongs to the curve in which this wall goes over into one at a right angle to it.
+    /// Whether a point belongs to the curve in which this wall goes over into one at a right angle to it: it is nearer to
+    /// the corner than the near ends of both.
     #[must_use]
     pub fn turns_into(&self, next: &Self, point_m: Vec3) -> bool {
-        // From the ends of one to the line of the other; the curve is about as wide.
         let gap_m = |one: &Self, other: &Self| {
             let [first, last] = one.edge_m().map(|end| other.place_m(end)[0]);
             first.min(last)
         };
-        let radius_m = gap_m(self, next).max(gap_m(next, self));
-        let off_m = Vec2::splat(radius_m) - Vec2::new(self.place_m(point_m)[0], next.place_m(point_m)[0]);
+        let wide_m = gap_m(self, next).max(gap_m(next, self));
+        let [in_m, next_in_m] = [self, next].map(|wall| wall.place_m(point_m)[0]);
         let below_m = self.top_m - point_m.z;
-        let deep_m = self.slope.max(next.slope) * below_m.max(0.0) + WALL_M;
-        let is_corner = self.inward.dot(next.inward).abs() < 0.1 && (WALL_M..ROUND_M_MAX).contains(&radius_m);
-        let is_in = off_m.min_element() > 0.0 && off_m.max_element() < radius_m + OUTER_M;
-        is_corner && is_in && off_m.length() > radius_m - deep_m && below_m >= -OVER_M
+        // A curve leaves the lines of its walls before these end.
+        let deep_m = OUTER_M + (self.slope + next.slope) * below_m.max(0.0);
+        let is_corner = self.inward.dot(next.inward).abs() < 0.1 && (WALL_M..ROUND_M_MAX).contains(&wide_m);
+        is_corner && in_m.min(next_in_m) > -OUTER_M && in_m + next_in_m < wide_m + deep_m && below_m >= -OVER_M
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use schema::axis_angle;
+    use schema::{Vec2, axis_angle};
 
     use super::*;
 
@@ -145,11 +145,10 @@ mod tests {
             (Vec2::splat(-0.06) - way_m).extend(z_m)
         };
         for angle in [0.1, 0.5, 0.8, 1.2, 1.5] {
-            // 20 mm below the upper edge it has come inwards by 4 mm.
             for (at_m, is_wall) in [
                 (curve(angle, 0.0, 0.1), true),
                 (curve(angle, 0.01, 0.08), true),
-                (curve(angle, 0.02, 0.08), false),
+                (curve(angle, 0.035, 0.08), false),
                 (curve(angle, 0.0, 0.13), false),
             ] {
                 assert_eq!(one.turns_into(&next, at_m), is_wall, "{at_m} at {angle}");
