@@ -6,8 +6,8 @@ import pytest
 from grasp_sets import CAMERA, graspmill
 
 #: Boxes by their places and sides: three that the gripper can span, of which one is small, and one that it cannot.
-SIDES_M = [(0.04, 0.06, 0.05), (0.03, 0.03, 0.03), (0.05, 0.05, 0.08), (0.1, 0.1, 0.1)]
-PLACES_M = [(0.07, 0.07), (0.23, 0.08), (0.07, 0.23), (0.23, 0.23)]
+SIDES_M = [(0.04, 0.06, 0.05), (0.03, 0.03, 0.03), (0.05, 0.05, 0.08), (0.13, 0.13, 0.1)]
+PLACES_M = [(0.07, 0.07), (0.23, 0.08), (0.07, 0.23), (0.22, 0.22)]
 
 
 def boxes(places=PLACES_M, sides=SIDES_M):
