@@ -13,13 +13,13 @@ const RUST_MAX: &[(&str, usize)] = &[
     ("report", 870),
     ("shards", 3802),
     ("inspect", 1088),
-    ("simulator", 4997),
-    ("perception", 2841),
+    ("simulator", 4991),
+    ("perception", 2857),
     ("grasps", 723),
     ("network", 2396),
     ("generator", 4457),
     ("trainer", 2889),
-    ("planner", 5153),
+    ("planner", 5157),
     ("experiments", 1299),
     ("cli", 2761),
     ("python", 1614),
@@ -27,7 +27,7 @@ const RUST_MAX: &[(&str, usize)] = &[
 
 /// Lines of Python by folder, without comments and blanks; docstrings count.
 const PYTHON_MAX: &[(&str, usize)] =
-    &[("python/graspmill", 4998), ("scripts", 3449), ("lab", 526), ("ros2", 569), ("tests/python", 8952)];
+    &[("python/graspmill", 4998), ("scripts", 3449), ("lab", 526), ("ros2", 569), ("tests/python", 8954)];
 
 /// The lines of a Rust file that count: not blank, not a comment, and not of an item under `#[cfg(test)]`. The
 /// formatter ends an item with a line that is as deep as its first one.
