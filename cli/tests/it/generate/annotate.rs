@@ -120,11 +120,11 @@ fn a_run_goes_on_with_what_is_missing_and_other_settings_are_refused() {
     for other in [mesh.replace("60", "50"), format!("{mesh}# by hand\n")] {
         fs::write(dir.path().join("brick.obj"), other).unwrap();
         let again = annotate(&dir, &["brick.obj", "--scale", "0.001", "--out", "grasps"]);
-        check_fails(&again, 78, &["settings.file_sha256 is ", "brick.json"]);
+        check_fails(&again, 78, &["settings.file_sha256 (", "brick.json"]);
     }
     let about = fs::read(folder.join("brick.json")).unwrap();
     fs::write(folder.join("brick.json"), "{}").unwrap();
-    check_fails(&annotate(&dir, &["brick.obj", "--out", "grasps"]), 78, &["settings is null there"]);
+    check_fails(&annotate(&dir, &["brick.obj", "--out", "grasps"]), 78, &["settings (nothing there"]);
     fs::write(folder.join("brick.json"), about).unwrap();
     assert_eq!(files(&folder), before);
     // Before a mesh is read and cut.
