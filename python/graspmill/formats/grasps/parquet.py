@@ -22,7 +22,8 @@ def read(path: str, _: GripperFrame) -> dict[str, Any]:
     _arrays.must(os.path.isfile(beside), f"NAME.json must be beside NAME.parquet, got none: {beside}")
     info = _arrays.table("the file", loaded_json(beside))
     with open(path, "rb") as opened:
-        rows = module("pyarrow.parquet", "NAME.parquet").read_table(opened)
+        # Threads of Arrow that are still about as a program ends may abort it.
+        rows = module("pyarrow.parquet", "NAME.parquet").read_table(opened, use_threads=False, pre_buffer=False)
     # What is null is NaN.
     return of_columns({name: rows[name].to_numpy(zero_copy_only=False) for name in rows.column_names}, info)
 
