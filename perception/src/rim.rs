@@ -63,8 +63,8 @@ impl Pieces {
 }
 
 impl Wall {
-    /// Whether a point belongs to the curve in which this wall goes over into one at a right angle to it: it is nearer to
-    /// the corner than the near ends of both.
+    /// Whether a point belongs to the curve in which this wall goes over into one at a right angle to it: it is nearer
+    /// to the corner than the near ends of both.
     #[must_use]
     pub fn turns_into(&self, next: &Self, point_m: Vec3) -> bool {
         let gap_m = |one: &Self, other: &Self| {
