@@ -245,8 +245,7 @@ class Scene(Immutable):
             drop: Whether they fall one after the other into a box around the workspace, as in generated piles, or all at once.
             settings: Keys of a generator's config, such as ``{"settle.time_s_max": 8.0}``.
 
-        Raises DataError if they do not come to rest, or are thrown apart.
-        """
+        Raises DataError if they do not come to rest, or are thrown apart."""
         return self._with(self._native.settle(self._simulation_with(None, settings), _arrays.flag("drop", drop)))
 
     def _simulation_with(self, gripper: GripperLike | None, settings: Mapping[str, Any] | None) -> _native.Simulation:

@@ -136,8 +136,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         rank: The number of this rank, from 0, of ``world_size``; by default as ``torch.distributed`` has them, if initialised.
         global_batch: Whether ``batch`` is that of all ranks together, who take a slice each. Ranks then read scenes of all shards.
 
-    Raises InputError if a rank would have no sample at a step.
-    """
+    Raises InputError if a rank would have no sample at a step."""
 
     _has_crops: bool
 

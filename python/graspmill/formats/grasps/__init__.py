@@ -39,8 +39,7 @@ def read(
         gripper: The gripper: its distance is z of ``flange_from_grasp``, or else the length of finger and palm.
         closing_axis: Along which axis of the file's frame it closes: ``"x"``, for isaac_grasp ``"y"`` or by its bite points.
 
-    Raises InputError if the file is damaged or of something else, or the distance is not known.
-    """
+    Raises InputError if the file is damaged or of something else, or the distance is not known."""
     file = _arrays.path("path", path)
     chosen, given = _format(file, format, FORMATS), _given(base_to_tips_m, gripper, closing_axis)
     _arrays.must(os.path.isfile(file), f"path must be a file, got {file}")
