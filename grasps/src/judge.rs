@@ -22,7 +22,7 @@ const SPREAD_M: f32 = 0.03;
 /// asked about fewer: one of so many is kept back.
 const SHARED: usize = 2;
 const KEPT_BACK: usize = 4;
-/// For each thing without a sure grasp so many more are proposed and asked about, in all up to half of what all were;
+/// For each thing without a sure grasp so many more are proposed and asked about, in all up to as many as all were;
 /// twice that where each thing counts.
 const PROPOSED: usize = 64;
 const ASKED: usize = 8;

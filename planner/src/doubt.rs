@@ -5,7 +5,7 @@ use perception::{Cut, Joined};
 use schema::{Gripper, Pose, Vec3};
 use settings::words;
 
-use crate::gripper_volume::GripperVolume;
+use crate::gripper_volume::{GripperVolume, TABLE_M};
 use crate::observation::View;
 
 /// Beside its border an image may have no depths, in this share of its side.
@@ -13,8 +13,6 @@ const BAND_SHARE: f32 = 0.05;
 /// What is so near to the end of the region goes on beyond it, by the pitch of the surface for each of its points.
 const END_M: f32 = 0.012;
 const PITCH_M: f32 = 0.0025;
-/// Points no higher than this over the table belong to no object.
-const TABLE_M: f32 = 0.004;
 
 words! {
     /// What speaks against a grasp, the least first. Grasps of which nothing does come before others.

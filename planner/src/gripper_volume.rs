@@ -4,6 +4,8 @@ use schema::{Gripper, GripperBox, Pose, Quat, Vec3, pose_from_parts};
 
 use crate::config::CollisionParams;
 
+/// Points no higher than this over the table belong to no object.
+pub(crate) const TABLE_M: f32 = 0.004;
 /// A half turn about z, which gives an equivalent grasp.
 const HALF_TURN: Quat = Quat::from_xyzw(0.0, 0.0, 1.0, 0.0);
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use schema::{GripperBox, Plane, Pose, Vec3};
 
 use crate::config::Config;
-use crate::gripper_volume::GripperVolume;
+use crate::gripper_volume::{GripperVolume, TABLE_M};
 use crate::observation::{Cone, Limits, Mask, View};
 use crate::plan::{Limit, SegmentedCloud};
 
@@ -17,8 +17,6 @@ const SAME_M: f32 = 0.015;
 const TARGET_NEAR_M: f32 = 0.05;
 /// A point of the surface is a target's if one of its points is within this: what separates the points of a thin cloud.
 const TARGET_POINT_M: f32 = 0.006;
-/// Points no higher than this over the table belong to no object.
-const TABLE_M: f32 = 0.004;
 /// A gripper leaves as it came, over this distance, and hits a wall if it meets more of its points: they are noisy.
 const WAY_OUT_M: f32 = 0.1;
 const WALL_POINTS_MAX: usize = 5;
