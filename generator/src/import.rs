@@ -1,11 +1,10 @@
-//! Objects from meshes: each mesh is measured, simplified for cameras, decomposed into convex parts, measured again,
-//! dropped some times, and written to a catalogue.
+//! Objects from meshes: each mesh is measured, simplified for cameras, decomposed into convex parts, measured again
+//! and written to a catalogue.
 //!
 //! The mass properties of a watertight mesh are exact, but the physics uses its parts. Both are reported side by side,
 //! with warnings about anything unusual. A file that cannot be used is listed with the reason, and the others go on.
 
 mod described;
-mod drops;
 mod simplified;
 mod source;
 mod summary;
@@ -24,12 +23,10 @@ use schema::{HullError, MODELS_MAX, MassIntegrals, TriangleMesh};
 use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
-use self::drops::rested;
 use self::simplified::simplified;
-use self::summary::{catalogue_text, scene_warnings, warnings};
+use self::summary::{catalogue_text, warnings};
 use self::units::{Own, guessed_scale_m, own_values};
 use crate::catalogue::{Catalogue, MASS_KG};
-use crate::config::Config;
 use crate::measured::{Measured, smallest_width_m};
 use crate::mesh_file::{damaged, read_mesh, unusable};
 use crate::models::Models;
@@ -70,14 +67,10 @@ pub struct ImportParams {
     pub corners_max: u8,
     /// Objects are cut until their parts leave the surface by no more than this, in metres.
     pub tolerance_m: f32,
-    /// Test drops of each object, which leave out what does not fit into a scene; 0 for none.
-    pub drops: u32,
-    /// Objects that come to rest in a smaller share of their test drops are left out.
-    pub rests_min: f64,
 }
 
 impl Default for ImportParams {
-    /// Those of `graspmill objects import`, without test drops.
+    /// Those of `graspmill objects import`.
     fn default() -> Self {
         Self {
             scale: None,
@@ -89,8 +82,6 @@ impl Default for ImportParams {
             hulls_max: 1024,
             corners_max: 32,
             tolerance_m: 0.0008,
-            drops: 0,
-            rests_min: 0.0,
         }
     }
 }
@@ -106,8 +97,6 @@ pub struct Imported {
     pub scale_m: f64,
     /// Whether nobody gave that scale.
     pub is_scale_guessed: bool,
-    /// Test drops of each object.
-    pub drops: u32,
     /// The catalogue's text, which [`Catalogue::parse`] reads.
     #[serde(skip)]
     pub catalogue: String,
@@ -130,7 +119,6 @@ pub struct LeftOut {
 pub fn import_objects(
     sources: &[Source],
     params: &ImportParams,
-    config: &Config,
     on_file: &(dyn Fn(&Path, Option<&str>) + Sync),
 ) -> Result<Imported, Failure> {
     if sources.len() > MODELS_MAX {
@@ -144,7 +132,7 @@ pub fn import_objects(
     let made = |source: &Source| {
         let own = own(source);
         let scale_m = if source.described.is_some() { params.scale.unwrap_or(1.0) } else { scale_m };
-        let made = Import { source, own, scale_m: own.scale.unwrap_or(scale_m), params, config }.object();
+        let made = Import { source, own, scale_m: own.scale.unwrap_or(scale_m), params }.object();
         let reason = made.as_ref().err().map(ToString::to_string);
         on_file(&source.file, reason.as_deref());
         made
@@ -169,7 +157,7 @@ pub fn import_objects(
         return Err(Failure::new(code, format!("none of the files can be used:\n  {}", reasons.join("\n  "))));
     }
     let is_scale_guessed = params.scale.is_none();
-    Ok(Imported { objects, left_out, scale_m, is_scale_guessed, drops: params.drops, catalogue })
+    Ok(Imported { objects, left_out, scale_m, is_scale_guessed, catalogue })
 }
 
 const HEAD: &str = "\
@@ -184,7 +172,6 @@ struct Import<'a> {
     /// Metres per unit of the file.
     scale_m: f64,
     params: &'a ImportParams,
-    config: &'a Config,
 }
 
 impl Import<'_> {
@@ -249,8 +236,7 @@ impl Import<'_> {
         parts: &ConvexParts,
         mesh: Option<&TriangleMesh>,
     ) -> Result<(ImportedObject, String), Failure> {
-        let Self { source, params, config, .. } = self;
-        let file = &source.file;
+        let file = &self.source.file;
         let damaged = |message: &str| damaged(message, file);
         let mut object = self.described(measured, mass_kg, parts).map_err(|error| damaged(&error.to_string()))?;
         let [least, most] = MASS_KG.map(f64::from);
@@ -266,26 +252,9 @@ impl Import<'_> {
         }
         let text = catalogue_text(&object, parts, mesh);
         let read = Catalogue::parse(&text, Path::new("the new catalogue")).map_err(|error| damaged(&error))?;
-        let models = Models::of(&read).map_err(|problems| damaged(&problems.join("; ")))?;
-        let (body, thing) = (&models.bodies()[0], &models.stored()[0]);
-        let (least, drops) = (params.rests_min, params.drops);
-        object.rested = rested(body, thing.mass_kg, thing.friction, config, drops);
+        Models::of(&read).map_err(|problems| damaged(&problems.join("; ")))?;
         object.warnings = warnings(&object, measured);
-        object.scene_warnings = scene_warnings(&object, config, measured, drops);
-        let file = file.display();
-        match object.rested {
-            Some(rested) if f64::from(rested) < least * f64::from(drops) => Err(unusable(format!(
-                "it must come to rest in a share of {least} of its test drops, got {rested} of {drops}: {file}"
-            ))),
-            None if drops > 0 => {
-                let most_m = config.grid.size_m.min(2.0 * config.objects.drop_height_m);
-                let got_m = 2.0 * body.bounding_radius_m();
-                Err(unusable(format!(
-                    "it must be at most {most_m} m long for the scenes of --config, got {got_m:.3} m: {file}"
-                )))
-            }
-            _ => Ok((object, text)),
-        }
+        Ok((object, text))
     }
 
     fn described(
@@ -337,10 +306,8 @@ impl Import<'_> {
             filled_m: f64::from(parts.filled_m),
             parts_volume_share: measured.solid.map(share),
             smallest_width_m: smallest_width_m(&whole, &measured.corners_m),
-            rested: None,
             guesses,
             warnings: Vec::new(),
-            scene_warnings: Vec::new(),
         })
     }
 }

@@ -247,7 +247,7 @@ fn too_many(rejected: &Rejected, share_max: f64) -> Failure {
     let (share, tries) = (percent(rejected.share()), rejected.kept + rejected.thrown_away);
     let text = format!(
         "{share} of the first {tries} scenes were thrown away, more than --rejected-max {share_max}. Leave \
-         objects out that do not come to rest (graspmill objects import --rests-min), or allow more"
+         objects out that do not come to rest, or allow more"
     );
     Failure::new(ExitCode::Config, text)
 }

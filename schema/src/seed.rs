@@ -50,8 +50,6 @@ pub enum Purpose {
     Visits = 17,
     /// Household objects of a catalogue (the scene slot carries the object's number, the try its kind).
     Household = 18,
-    /// Test drops of an imported object (the scene slot carries the drop).
-    TestDrops = 19,
     /// Which scenes have only objects that the gripper can span.
     Spanned = 20,
     /// What the objects of a scene lie in.

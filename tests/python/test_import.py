@@ -59,7 +59,7 @@ def imported(folder: Path, *more: object) -> dict:
 
 
 def all_imported(folder: Path, *more: object) -> dict[str, dict]:
-    told = packaged("objects", "import", folder, "--out", folder / "x.toml", "--json", "--drops", 0, *more).stdout
+    told = packaged("objects", "import", folder, "--out", folder / "x.toml", "--json", *more).stdout
     return {body["name"]: body for body in json.loads(told)["objects"]}
 
 
@@ -69,7 +69,7 @@ def refused(folder: Path, ending: str, cases: list[tuple], written: Callable) ->
     files = [folder / f"{number}{ending}" for number in range(len(cases))]
     for file, (change, _) in zip(files, cases):
         file.write_bytes(written(change))
-    words = ["objects", "import", folder / "right.obj", *files, "--out", folder / "x.toml", "--json", "--drops", 0, "--scale", 1]
+    words = ["objects", "import", folder / "right.obj", *files, "--out", folder / "x.toml", "--json", "--scale", 1]
     left_out = json.loads(packaged(*words, code=66).stdout)["left_out"]
     assert [Path(one["file"]) for one in left_out] == files
     for file, (_, message), one in zip(files, cases, left_out):

@@ -162,7 +162,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let on_first = || print_error("stopping: abandoning the object under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
     let bar = ProgressBar::new_spinner();
-    let import = arguments.options.params(0, 0.0);
+    let import = arguments.options.params();
     let check = |name: &str| check_params(&arguments.out, name, &params);
     let read = Annotated::read(&arguments.objects, &import, &check, &|file, _| tell(&bar, file));
     bar.finish_and_clear();

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, value_parser};
-use generator::{Config, ImportParams, Imported, ImportedObject, LeftOut, Overrides, import_objects, sources};
+use generator::{ImportParams, Imported, ImportedObject, LeftOut, import_objects, sources};
 use indicatif::ProgressBar;
 use program::text::percent;
 use program::{ExitCode, Failure, json, print, print_error, write};
@@ -26,18 +26,6 @@ pub(crate) struct Arguments {
 
     #[command(flatten)]
     options: MeshOptions,
-
-    /// Test drops of each object, which leave out what does not fit into a scene; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = value_parser!(u32).range(0..=1000))]
-    drops: u32,
-
-    /// Leave out objects that come to rest in a smaller share of their test drops
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = between(0.0..=1.0_f64))]
-    rests_min: f64,
-
-    /// Config whose gripper and workspace the objects must fit [default: the built-in configs/generate/paper.toml]
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
 
     /// Replace an existing catalogue
     #[arg(long)]
@@ -96,7 +84,7 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 impl MeshOptions {
-    pub(super) fn params(&self, drops: u32, rests_min: f64) -> ImportParams {
+    pub(super) fn params(&self) -> ImportParams {
         ImportParams {
             scale: self.scale,
             density: self.density,
@@ -107,8 +95,6 @@ impl MeshOptions {
             hulls_max: self.hulls_max,
             corners_max: self.corners_max,
             tolerance_m: self.tolerance,
-            drops,
-            rests_min,
         }
     }
 }
@@ -125,12 +111,11 @@ pub(super) fn tell(bar: &ProgressBar, file: &Path) {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let config = Config::load(arguments.config.as_deref(), Overrides::default())?;
     check_target(&arguments.out, arguments.force)?;
     let sources = sources(&arguments.meshes, arguments.options.described.as_deref())?;
     let bar = ProgressBar::new(sources.len() as u64).with_style(style("files"));
-    let params = arguments.options.params(arguments.drops, arguments.rests_min);
-    let imported = import_objects(&sources, &params, &config, &|file, _| tell(&bar, file));
+    let params = arguments.options.params();
+    let imported = import_objects(&sources, &params, &|file, _| tell(&bar, file));
     bar.finish_and_clear();
     let imported = imported?;
     write(&arguments.out, &imported.catalogue)?;
@@ -164,7 +149,6 @@ fn document(imported: &Imported, out: &Path) -> Document {
             object.part_corners_max.to_string(),
             or_none(object.parts_volume_share, &percent),
             format!("{:.1}", object.smallest_width_m * 1000.0),
-            object.rested.map_or("-".to_owned(), |rested| format!("{rested}/{}", imported.drops)),
         ];
         let (name, triangles) = (Cell::from(object.name.as_str()), Cell::Count(object.triangles as u64));
         let closed = Cell::Number(if object.is_watertight { "yes" } else { "no" }.to_owned());
@@ -181,12 +165,8 @@ fn document(imported: &Imported, out: &Path) -> Document {
         "corners",
         "parts' volume",
         "narrowest, mm",
-        "rests",
     ];
-    let warnings = |o: &ImportedObject| {
-        let texts = o.warnings.iter().chain(&o.scene_warnings);
-        texts.map(|text| format!("{}: {text}", o.name)).collect::<Vec<_>>()
-    };
+    let warnings = |o: &ImportedObject| o.warnings.iter().map(|text| format!("{}: {text}", o.name)).collect::<Vec<_>>();
     let count = imported.objects.len();
     let plural = if count == 1 { "" } else { "s" };
     let origin = if imported.is_scale_guessed { "guessed from the sizes; --scale decides" } else { "--scale" };

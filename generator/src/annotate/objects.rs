@@ -11,7 +11,6 @@ use super::params::Annotated;
 use crate::catalogue::Catalogue;
 use crate::import::{ImportParams, LeftOut, import_objects, sources};
 use crate::mesh_file::BYTES_MAX;
-use crate::{Config, Overrides};
 
 impl Annotated {
     /// The objects of some paths, catalogues (`.toml`) first, and the files that could not be used. Grasps of a mesh
@@ -42,10 +41,9 @@ impl Annotated {
         }
         if !meshes.is_empty() {
             let meshes: Vec<PathBuf> = meshes.into_iter().cloned().collect();
-            let config = Config::load(None, Overrides::default())?;
             let sources = sources(&meshes, params.described.as_deref())?;
             sources.iter().try_for_each(|source| check(&source.name))?;
-            let imported = import_objects(&sources, params, &config, on_file)?;
+            let imported = import_objects(&sources, params, on_file)?;
             let broken = |text: String| Failure::new(ExitCode::Internal, text);
             let catalogue = Catalogue::parse(&imported.catalogue, Path::new("the imported objects")).map_err(broken)?;
             for (of_file, object) in imported.objects.iter().zip(catalogue.objects()) {

@@ -7,7 +7,6 @@ use serde::Serialize;
 use simulator::ConvexParts;
 
 use crate::catalogue::object_text;
-use crate::config::Config;
 use crate::measured::Measured;
 use crate::mesh::Seams;
 
@@ -59,14 +58,10 @@ pub struct ImportedObject {
     pub parts_volume_share: Option<f64>,
     /// The smallest distance between two parallel planes that enclose the object, in metres.
     pub smallest_width_m: f64,
-    /// After how many of the test drops it came to rest in the workspace, if it fits into a scene.
-    pub rested: Option<u32>,
     /// What nobody said, and was guessed.
     pub guesses: Vec<String>,
     /// What is unusual about it, one sentence each.
     pub warnings: Vec<String>,
-    /// What is unusual about it in scenes.
-    pub scene_warnings: Vec<String>,
 }
 
 /// What is unusual about an object.
@@ -105,29 +100,6 @@ pub(super) fn warnings(object: &ImportedObject, measured: &Measured) -> Vec<Stri
             "its parts leave its surface by up to {:.1} mm: more --hulls-max or --corners-max",
             1000.0 * off_m
         ));
-    }
-    warnings
-}
-
-/// What is unusual about an object in scenes.
-pub(super) fn scene_warnings(object: &ImportedObject, config: &Config, measured: &Measured, drops: u32) -> Vec<String> {
-    let mut warnings = Vec::new();
-    let opening_m = config.gripper.all().iter().map(|gripper| gripper.opening_m_max).fold(0.0, f32::max);
-    if object.smallest_width_m >= f64::from(opening_m) {
-        let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, opening_m * 1000.0);
-        warnings.push(format!(
-            "{width_mm:.1} mm at its narrowest, and the gripper opens {opening_mm:.1} mm: only a rim or a handle can be held"
-        ));
-    }
-    let side_m = config.grid.size_m;
-    if drops == 0 && measured.extents_m.length() > f64::from(side_m) {
-        warnings.push(format!(
-            "its bounding box's diagonal is longer than the workspace's side, {side_m} m: does it fit? --drops tells"
-        ));
-    }
-    if let Some(rested) = object.rested.filter(|rested| *rested < drops) {
-        warnings
-            .push(format!("it came to rest in {rested} of {drops} test drops; --rests-min leaves such objects out"));
     }
     warnings
 }
