@@ -25,7 +25,7 @@ use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
 use self::simplified::simplified;
 use self::summary::{catalogue_text, warnings};
-use self::units::{Own, guessed_scale_m, own_values};
+use self::units::guessed_scale_m;
 use crate::catalogue::{Catalogue, MASS_KG};
 use crate::measured::{Measured, smallest_width_m};
 use crate::mesh_file::{damaged, read_mesh, unusable};
@@ -57,8 +57,6 @@ pub struct ImportParams {
     pub mass: Option<f64>,
     /// Friction coefficient of all objects.
     pub friction: f32,
-    /// A file of what differs for single objects: tables `[name]` with scale, `mass_kg` or `density_kg_m3`, friction.
-    pub each: Option<PathBuf>,
     /// The file in which the Python package says what it made of descriptions.
     pub described: Option<PathBuf>,
     /// Most convex parts of an object, 1 to 1024; 1 makes it its convex hull.
@@ -77,7 +75,6 @@ impl Default for ImportParams {
             density: None,
             mass: None,
             friction: 0.8,
-            each: None,
             described: None,
             hulls_max: 1024,
             corners_max: 32,
@@ -115,7 +112,7 @@ pub struct LeftOut {
 /// depend on the number of threads. `on_file` is called when work on a file ends, with the reason if it cannot be used.
 ///
 /// # Errors
-/// If no file can be used, with all reasons; if there are too many; if the table of single objects is wrong.
+/// If no file can be used, with all reasons; if there are too many.
 pub fn import_objects(
     sources: &[Source],
     params: &ImportParams,
@@ -125,14 +122,11 @@ pub fn import_objects(
         let got = sources.len();
         return Err(unusable(format!("a dataset has at most {MODELS_MAX} objects, got {got} files")));
     }
-    let each = params.each.as_deref().map(|path| own_values(path, sources)).transpose()?.unwrap_or_default();
-    let own = |source: &Source| each.get(&source.name).copied().unwrap_or_default();
-    let without_own: Vec<&Source> = sources.iter().filter(|source| own(source).scale.is_none()).collect();
+    let without_own: Vec<&Source> = sources.iter().collect();
     let scale_m = params.scale.unwrap_or_else(|| guessed_scale_m(&without_own));
     let made = |source: &Source| {
-        let own = own(source);
         let scale_m = if source.described.is_some() { params.scale.unwrap_or(1.0) } else { scale_m };
-        let made = Import { source, own, scale_m: own.scale.unwrap_or(scale_m), params }.object();
+        let made = Import { source, scale_m, params }.object();
         let reason = made.as_ref().err().map(ToString::to_string);
         on_file(&source.file, reason.as_deref());
         made
@@ -168,7 +162,6 @@ const HEAD: &str = "\
 /// The import of one object.
 struct Import<'a> {
     source: &'a Source,
-    own: Own,
     /// Metres per unit of the file.
     scale_m: f64,
     params: &'a ImportParams,
@@ -207,7 +200,7 @@ impl Import<'_> {
 
     /// The mesh in metres, and the mass in kilograms if the file has one.
     fn measured(&self) -> Result<(Measured, Option<f64>), Failure> {
-        let Self { source, own, params, scale_m, .. } = *self;
+        let Self { source, params, scale_m } = *self;
         let file = &source.file;
         let (mesh, mass_kg) = match &source.described {
             Some(described) => (described.mesh(file, scale_m)?, described.mass_kg),
@@ -222,9 +215,7 @@ impl Import<'_> {
                 "it must be at most {most_m} m {what}, got {got_m} m: in millimetres? --scale {scale}: {file}"
             )));
         }
-        let of_file = mass_kg.filter(|_| params.density.is_none() && own.density_kg_m3.is_none());
-        let given = own.mass_kg.or(params.mass.filter(|_| own.density_kg_m3.is_none()));
-        Ok((measured, given.or(of_file)))
+        Ok((measured, params.mass.or(mass_kg.filter(|_| params.density.is_none()))))
     }
 
     /// The object with these parts, as it is read from the catalogue. A part that is refused there is an error with
@@ -263,11 +254,11 @@ impl Import<'_> {
         mass_kg: Option<f64>,
         parts: &ConvexParts,
     ) -> Result<ImportedObject, HullError> {
-        let Self { source, own, params, .. } = self;
+        let Self { source, params, .. } = self;
         let of_parts =
             parts.hulls.iter().map(MassIntegrals::from).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
         let balance = measured.solid.unwrap_or(of_parts);
-        let density_kg_m3 = own.density_kg_m3.or(params.density).unwrap_or(DENSITY_KG_M3);
+        let density_kg_m3 = params.density.unwrap_or(DENSITY_KG_M3);
         // An open mesh encloses nothing: its parts are thin or full as it is cut. Its hull is neither.
         let filled_m3 = match (measured.solid, measured.confused_share) {
             (Some(solid), _) => solid.volume_m3,
@@ -275,10 +266,10 @@ impl Import<'_> {
             (None, None) => measured.hull_volume_m3,
         };
         let mut guesses = Vec::new();
-        if own.scale.or(params.scale).is_none() && source.described.is_none() {
+        if params.scale.is_none() && source.described.is_none() {
             guesses.push(format!("one unit of its file is {} m, guessed from its size: give the scale", self.scale_m));
         }
-        if mass_kg.or(own.density_kg_m3).or(params.density).is_none() {
+        if mass_kg.or(params.density).is_none() {
             let mass_g = 1e3 * density_kg_m3 * filled_m3;
             guesses
                 .push(format!("it weighs {mass_g:.1} g, of {density_kg_m3} kg/m3, guessed: give its mass or density"));
@@ -297,7 +288,7 @@ impl Import<'_> {
             middle_m: measured.middle_m.to_array(),
             volume_m3: measured.solid.map(|solid| solid.volume_m3),
             mass_kg,
-            friction: own.friction.unwrap_or(params.friction),
+            friction: params.friction,
             centre_of_mass_m: (balance.centre_m() + measured.middle_m).to_array(),
             inertia_kg_m2: DSymmetricEigen3::eigenvalues(balance.inertia_kg_m2(mass_kg)).to_array(),
             parts: parts.hulls.len(),

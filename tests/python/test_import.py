@@ -147,9 +147,8 @@ def test_a_urdf_is_one_body_of_its_links(tmp_path):
     assert body["extents_m"] == pytest.approx([0.11, 0.06, 0.04], rel=1e-5) and body["is_watertight"]
     assert body["volume_m3"] == pytest.approx((0.06 * 0.02 + 0.02 * 0.04) * 0.04 + 0.04 * 0.02 * 0.01, rel=1e-5)
     assert body["middle_m"] == pytest.approx([0.055, 0.03, -0.02], abs=1e-6)
-    # Half as large by the table, which has no mass; then by the command line, which has one.
-    (tmp_path / "each.toml").write_text("[two]\nscale = 0.5\nfriction = 0.3\n")
-    body = imported(tmp_path / "urdf", "--each", tmp_path / "each.toml", "--force")
+    # Half as large, with the same mass; then with a density, which makes one.
+    body = imported(tmp_path / "urdf", "--scale", 0.5, "--friction", 0.3, "--force")
     assert body["extents_m"] == pytest.approx([0.055, 0.03, 0.02], rel=1e-5)
     assert (body["mass_kg"], body["friction"]) == (pytest.approx(0.3), pytest.approx(0.3))
     assert imported(tmp_path / "urdf", "--density", 500, "--force")["mass_kg"] == pytest.approx(500 * 8.8e-5, rel=1e-4)

@@ -56,10 +56,6 @@ pub(super) struct MeshOptions {
     #[arg(long, value_name = "MU", default_value_t = 0.8, value_parser = between(0.0..=5.0_f32))]
     friction: f32,
 
-    /// What differs for single objects: tables `[name]` with scale, mass_kg or density_kg_m3, friction (TOML)
-    #[arg(long, value_name = "FILE")]
-    each: Option<PathBuf>,
-
     /// What the program of the Python package made of descriptions
     #[arg(long, hide = true, value_name = "FILE")]
     described: Option<PathBuf>,
@@ -90,7 +86,6 @@ impl MeshOptions {
             density: self.density,
             mass: self.mass,
             friction: self.friction,
-            each: self.each.clone(),
             described: self.described.clone(),
             hulls_max: self.hulls_max,
             corners_max: self.corners_max,
