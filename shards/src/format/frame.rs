@@ -18,7 +18,6 @@
 //! pages is not read, because it can be wrong.
 
 use std::fs::File;
-use std::ops::Range;
 use std::sync::Arc;
 
 use parquet::arrow::ArrowSchemaConverter;
@@ -110,24 +109,15 @@ impl<'a> Frame<'a> {
         Ok(frame)
     }
 
-    /// Number of row groups.
-    pub(crate) fn groups(&self) -> usize {
-        self.metadata.num_row_groups()
-    }
-
-    /// Checks the pages of some row groups and columns. Returns the metadata for the decoder, with the positions of
-    /// pages if rows are to be skipped.
-    pub(crate) fn check_pages(
-        self,
-        groups: Range<usize>,
-        columns: &[usize],
-        is_skipping: bool,
-    ) -> Checked<ParquetMetaData> {
+    /// Checks the pages of some columns. Returns the metadata for the decoder, with the positions of pages if rows are to
+    /// be skipped.
+    pub(crate) fn check_pages(self, columns: &[usize], is_skipping: bool) -> Checked<ParquetMetaData> {
+        let groups = 0..self.metadata.num_row_groups();
         let schema = self.metadata.file_metadata().schema_descr();
         let leaves = (0..schema.num_columns()).filter(|leaf| columns.contains(&schema.get_column_root_idx(*leaf)));
         let mut places = PageIndexBuilder::default();
         if is_skipping {
-            places.allocate_offset_indexes(self.groups(), schema.num_columns());
+            places.allocate_offset_indexes(groups.len(), schema.num_columns());
         }
         for (group, leaf) in groups.flat_map(|group| leaves.clone().map(move |leaf| (group, leaf))) {
             if let Some(page_locations) = self.pages(group, leaf)? {

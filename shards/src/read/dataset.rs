@@ -16,7 +16,7 @@ use crate::format::summary::Manifest;
 use crate::format::{decode, layout, seal};
 use crate::read::table_reader::{Batches, Part, undecoded};
 use crate::store::{Patience, Storage, size_in, size_problem};
-use crate::{DatasetInfo, Location, SCENES_PER_ROW_GROUP, Table};
+use crate::{DatasetInfo, Location, Table};
 
 /// A complete dataset, on disk or in an object store. Rows are read on request.
 #[derive(Debug)]
@@ -136,10 +136,22 @@ impl Dataset {
         self.info.shard_count
     }
 
-    fn attempts(&self, shard: u32) -> Result<impl Iterator<Item = Result<AttemptRecord, Failure>>, Failure> {
-        let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
+    /// The attempts of a shard, or those of some of its scenes.
+    fn attempts(
+        &self,
+        shard: u32,
+        wanted: Option<&[u64]>,
+    ) -> Result<impl Iterator<Item = Result<AttemptRecord, Failure>> + use<'_>, Failure> {
         let scenes = self.scenes_of(shard)?;
-        let mut ids = scenes.flat_map(|scene| (0..self.info.attempts_of_scene(scene)).map(move |id| (scene, id)));
+        let rows_of = |scene: &u64| {
+            let first = (scene - scenes.start) as usize * self.info.attempts_per_scene as usize;
+            first..first + self.info.attempts_of_scene(*scene) as usize
+        };
+        let rows = wanted.map(|wanted| wanted.iter().flat_map(rows_of).collect::<Vec<_>>());
+        let part = Part { batch_rows: BATCH_ROWS, rows: rows.as_deref(), ..Part::default() };
+        let wanted = wanted.map_or_else(|| scenes.clone().collect(), <[u64]>::to_vec);
+        let of_scene = |scene| (0..self.info.attempts_of_scene(scene)).map(move |id| (scene, id));
+        let mut ids = wanted.into_iter().flat_map(of_scene);
         let check = move |row: Option<&AttemptRecord>| {
             row.map_or(Ok(()), |row| check::attempt(row, self.info.gripper_of(row.scene_id)))?;
             let is_next = row.map(|row| (row.scene_id, row.attempt_id)) == ids.next();
@@ -186,8 +198,9 @@ impl Dataset {
     ) -> Result<impl Iterator<Item = Result<SceneRows, Failure>>, Failure> {
         let all = self.scenes_of(shard)?;
         assert!(wanted.iter().all(|scene| all.contains(scene)), "scenes of shard {shard} are {all:?}");
-        let is_whole = wanted.len() as u64 == all.end - all.start;
-        self.joined(shard, self.scenes_with(shard, None, (!is_whole).then_some(wanted))?)
+        let wanted = Some(wanted).filter(|wanted| (wanted.len() as u64) < all.end - all.start);
+        let attempts = self.attempts(shard, wanted.as_deref())?;
+        self.joined(shard, self.scenes_with(shard, None, wanted)?, attempts)
     }
 
     /// The attempts of a shard, a scene at a time.
@@ -198,7 +211,7 @@ impl Dataset {
         &self,
         shard: u32,
     ) -> Result<impl Iterator<Item = Result<Vec<AttemptRecord>, Failure>>, Failure> {
-        let mut attempts = self.attempts(shard)?.peekable();
+        let mut attempts = self.attempts(shard, None)?.peekable();
         Ok(self.scenes_of(shard)?.map(move |scene| take_while_is(&mut attempts, |row| row.scene_id == scene)))
     }
 
@@ -275,7 +288,7 @@ impl Dataset {
     /// [`Failure`] if a file is damaged; each item is an error if a row breaks a rule.
     pub fn rows(&self, shard: u32, grids: bool) -> Result<impl Iterator<Item = Result<SceneRows, Failure>>, Failure> {
         let scenes = self.scenes_with(shard, (!grids).then_some("tsdf"), None)?;
-        Ok(self.joined(shard, scenes)?.map(move |rows| {
+        Ok(self.joined(shard, scenes, self.attempts(shard, None)?)?.map(move |rows| {
             let rows = rows?;
             check::joined(&rows)
                 .map_err(|e| self.wrong(shard, Table::Attempts, &format!("scene {}: {e}", rows.scene.scene_id)))?;
@@ -283,62 +296,35 @@ impl Dataset {
         }))
     }
 
-    /// Adds to each of some scenes of a shard its rows of the other tables, which are in the same order. Whether they
-    /// fit together is not checked.
+    /// Adds to each of some scenes of a shard its objects and its attempts, which are in the same order. Whether they fit
+    /// together is not checked.
     fn joined(
         &self,
         shard: u32,
         scenes: impl Iterator<Item = Result<SceneRecord, Failure>>,
+        attempts: impl Iterator<Item = Result<AttemptRecord, Failure>>,
     ) -> Result<impl Iterator<Item = Result<SceneRows, Failure>>, Failure> {
-        let (mut objects, mut attempts) = (self.objects(shard)?.peekable(), self.attempts(shard)?.peekable());
+        let (mut objects, mut attempts) = (self.objects(shard)?.peekable(), attempts.peekable());
         Ok(scenes.map(move |scene| {
             let scene = scene?;
             let id = scene.scene_id;
             while objects.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < id)).is_some() {}
-            while attempts.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < id)).is_some() {}
             let objects = take_while_is(&mut objects, |row| row.scene_id == id)?;
             let attempts = take_while_is(&mut attempts, |row| row.scene_id == id)?;
             Ok(SceneRows { scene, objects, attempts })
         }))
     }
 
-    /// All rows of one scene. Reads one row group of the small tables and a few pages of the grids.
+    /// All rows of one scene.
     ///
     /// # Errors
     /// [`Failure`] if there is no such scene, a file is damaged, or a row breaks a rule.
     pub fn read_scene(&self, scene_id: u64) -> Result<SceneRows, Failure> {
         let no_such = || out_of_range("scene", self.info.scene_count, scene_id);
         let shard = self.info.shard_of(scene_id).ok_or_else(no_such)?;
-        let place = scene_id - self.info.scenes_of(shard).start;
-        let in_group = (place % SCENES_PER_ROW_GROUP) as usize; // below 256
-        let group = usize::try_from(place / SCENES_PER_ROW_GROUP).ok();
-        let attempts = self.info.attempts_of_scene(scene_id) as usize;
-        let part = Part { row_group: group, batch_rows: BATCH_ROWS, ..Part::default() };
-        let one = Part { offset: in_group, limit: Some(1), batch_rows: 1, ..part };
-        let of_scene = Part { offset: in_group * self.info.attempts_per_scene as usize, limit: Some(attempts), ..part };
-        let mut objects = self.read(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models))?;
-        objects.retain(|object| object.scene_id == scene_id);
-        let attempts = self.read(shard, Table::Attempts, of_scene, |batch| decode::attempts(batch, &self.info))?;
-        let scene = self.read(shard, Table::Scenes, one, |batch| decode::scenes(batch, &self.info))?;
-        let scene = scene.into_iter().find(|scene| scene.scene_id == scene_id);
-        let missing = || self.wrong(shard, Table::Scenes, &format!("scene {scene_id} is not where it should be"));
-        let rows = SceneRows { scene: scene.ok_or_else(missing)?, objects, attempts };
+        let missing = || Err(self.wrong(shard, Table::Scenes, &format!("scene {scene_id} is missing")));
+        let rows = self.some_scenes(shard, vec![scene_id])?.next().unwrap_or_else(missing)?;
         check::scene_rows(&rows, &self.info).map_err(|e| self.wrong(shard, Table::Attempts, &e))?;
-        Ok(rows)
-    }
-
-    fn read<R>(
-        &self,
-        shard: u32,
-        table: Table,
-        part: Part<'_>,
-        decode: impl Fn(&RecordBatch) -> Result<Vec<R>, String>,
-    ) -> Result<Vec<R>, Failure> {
-        let mut rows = Vec::new();
-        for batch in self.batches(shard, table, part)? {
-            let batch = batch.map_err(|message| self.wrong(shard, table, &message))?;
-            rows.extend(decode(&batch).map_err(|e| self.wrong(shard, table, &e))?);
-        }
         Ok(rows)
     }
 

@@ -24,14 +24,8 @@ const MEMORY_ENDED: [&str; 2] = ["null pointer when creating new context", "not 
 /// The rows and columns to read.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Part<'a> {
-    /// Only this row group.
-    pub(crate) row_group: Option<usize>,
     /// Only these rows, ascending.
     pub(crate) rows: Option<&'a [usize]>,
-    /// Of the selected rows, skip this many ...
-    pub(crate) offset: usize,
-    /// ... and read at most this many.
-    pub(crate) limit: Option<usize>,
     /// Omit the column of this name.
     pub(crate) without: Option<&'static str>,
     /// Rows per batch.
@@ -46,31 +40,19 @@ impl Batches {
     pub(crate) fn open(file: File, expected: Expected, part: Part<'_>) -> Result<Self, String> {
         guard(|| {
             let frame = Frame::read(&file, expected)?;
-            let groups = match part.row_group {
-                Some(group) if group >= frame.groups() => {
-                    return Err(format!("row group {group} must be below {}", frame.groups()));
-                }
-                Some(group) => group..group + 1,
-                None => 0..frame.groups(),
-            };
             let columns = expected.table.columns(expected.form).into_iter().enumerate();
             let kept: Vec<usize> =
                 columns.filter(|(_, c)| Some(c.name) != part.without).map(|(column, _)| column).collect();
-            let is_skipping = part.row_group.is_some() || part.rows.is_some();
-            let metadata = frame.check_pages(groups.clone(), &kept, is_skipping)?;
+            let metadata = frame.check_pages(&kept, part.rows.is_some())?;
             let options = ArrowReaderOptions::new().with_schema(expected.table.arrow_schema(expected.form));
             let metadata = ArrowReaderMetadata::try_new(Arc::new(metadata), options).map_err(text)?;
             let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata);
             let mask = ProjectionMask::roots(builder.parquet_schema(), kept);
-            let builder = builder.with_projection(mask).with_row_groups(groups.collect());
-            let mut builder = builder.with_batch_size(part.batch_rows).with_offset(part.offset);
+            let mut builder = builder.with_projection(mask).with_batch_size(part.batch_rows);
             if let Some(rows) = part.rows {
                 let ranges = rows.iter().map(|row| *row..*row + 1);
                 builder =
                     builder.with_row_selection(RowSelection::from_consecutive_ranges(ranges, expected.rows as usize));
-            }
-            if let Some(limit) = part.limit {
-                builder = builder.with_limit(limit);
             }
             builder.build().map(Self).map_err(text)
         })

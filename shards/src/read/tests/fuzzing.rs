@@ -46,21 +46,16 @@ fn read_table(data: &[u8]) -> Result<(), String> {
     let expected = Expected { table, form: info.form(), rows: row_count(table, number, &info) };
     let file = file(bytes);
     let whole = Part { batch_rows: 8192, ..Part::default() };
-    let one = Part { row_group: Some(0), offset: 1, limit: Some(1), batch_rows: 1, ..Part::default() };
+    let one = Part { rows: Some(&[1]), batch_rows: 1, ..Part::default() };
     match table {
         Table::Attempts => {
             let checked = |row: &AttemptRecord| check::attempt(row, info.gripper_of(row.scene_id));
-            let of_scene = Part { offset: 3, limit: Some(3), batch_rows: 8192, ..one };
+            let of_scene = Part { rows: Some(&[3, 4, 5]), ..whole };
             let read = [whole, of_scene]
                 .map(|part| rows(&file, expected, part, |batch| decode::attempts(batch, &info), checked));
             read.into_iter().collect()
         }
-        Table::Objects => {
-            let of_group = Part { row_group: Some(0), ..whole };
-            let read = [whole, of_group]
-                .map(|part| rows(&file, expected, part, |batch| decode::objects(batch, &info.models), check::object));
-            read.into_iter().collect()
-        }
+        Table::Objects => rows(&file, expected, whole, |batch| decode::objects(batch, &info.models), check::object),
         Table::Scenes => {
             let eight = Part { batch_rows: 8, ..whole };
             let heads = Part { without: Some("tsdf"), ..eight };
