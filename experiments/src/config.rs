@@ -9,7 +9,6 @@ use std::sync::Arc;
 
 use generator::{ContainerParams, Overrides, PackedParams, container_faults};
 use perception::{DepthNoise, NoiseKind, camera_at};
-use planner::config::JudgeParams;
 use planner::{BuiltIn, Planner};
 use program::Failure;
 use schema::{Camera, Grid, View};
@@ -17,7 +16,7 @@ use settings::{Document, Reader, settings, words};
 use shards::DatasetInfo;
 use toml::Table;
 
-use crate::catalogue::{Catalogue, CatalogueObject, built_in};
+use crate::catalogue::{Catalogue, CatalogueObject};
 use crate::files::sha256;
 
 /// The experiment that explains the keys: one of the files that come along.
@@ -299,7 +298,7 @@ impl Config {
         let objects = objects(&keys, &scene, &plan, document.folder());
         let objects = objects.map_err(|problem| document.invalid(vec![problem]))?;
         Ok(Self {
-            digest: digest(without_paths(document.table()), &scene, &plan, &objects),
+            digest: digest(document.table().clone(), &scene, &plan, &objects),
             objects,
             noise: keys.noise.kind.noise(keys.noise.std_m, scene.camera.focal_px),
             model: file(&keys.model, "built-in"),
@@ -410,20 +409,6 @@ fn objects(keys: &Keys, scene: &generator::Config, plan: &planner::Config, folde
     })
 }
 
-/// An experiment's keys without the paths of files.
-fn without_paths(keys: &Table) -> Table {
-    let named = |word: &str| ["judge", "paper", "vgn", "built-in"].contains(&word) || built_in(word).is_some();
-    let is_file = |key: &str, value: &toml::Value| {
-        ["plan", "scene", "model", "catalogue"].contains(&key) && value.as_str().is_some_and(|it| !named(it))
-    };
-    let mut keys = keys.clone();
-    keys.retain(|key, value| !is_file(key, value));
-    if let Some(objects) = keys.get_mut("objects").and_then(toml::Value::as_table_mut) {
-        objects.retain(|key, value| !is_file(key, value));
-    }
-    keys
-}
-
 /// The scenes as a dataset would have them: a catalogue's objects are models.
 pub(crate) fn info_of(scene: &generator::Config, objects: &Objects) -> DatasetInfo {
     let mut info = scene.dataset_info();
@@ -437,19 +422,11 @@ pub(crate) fn info_of(scene: &generator::Config, objects: &Objects) -> DatasetIn
 
 /// Digest of what decides a round, as it is stored: no name in this code is part of it.
 fn digest(mut keys: Table, scene: &generator::Config, plan: &planner::Config, objects: &Objects) -> String {
-    // Runs that were begun before there were these keys continue.
-    let defaults = [("touching", "fails"), ("choice", "first")];
-    let is_default =
-        |key: &str, value: &toml::Value| defaults.iter().any(|it| it.0 == key && value.as_str() == Some(it.1));
-    keys.retain(|key, value| !["seeds", "rounds"].contains(&key) && !is_default(key, value));
+    keys.retain(|key, _| !["seeds", "rounds"].contains(&key));
     let info = DatasetInfo { code_version: String::new(), ..info_of(scene, objects) }; // the journal has the version
     // Settings are numbers, words and tables of them, which always have a JSON form.
-    let [plan, standard] =
-        [serde_json::to_string(plan), serde_json::to_string(&JudgeParams::STANDARD)].map(Result::unwrap_or_default);
-    // Runs that were begun before there was a judge continue.
-    let plan = plan.replacen(&format!(",\"judge\":{standard}"), "", 1).replacen(",\"network\":\"paper\"", "", 1);
-    let all = format!("{keys}\n{}\n{plan}", info.to_json());
-    sha256(&all)
+    let plan = serde_json::to_string(plan).unwrap_or_default();
+    sha256(format!("{keys}\n{}\n{plan}", info.to_json()))
 }
 
 #[cfg(test)]
@@ -489,45 +466,6 @@ mod tests {
         let more = [("objects.count", "7"), ("noise.kind", "\"dex\""), ("plan", "../plan/vgn.toml")];
         assert_eq!(named("pile.toml", &more), "pile, 7 objects, 6 views, noise.kind = dex, plan = vgn.toml");
         assert_eq!(named("pile.toml", &[("protocol", "mine {x}"), ("objects.count", "7")]), "mine {x}");
-    }
-
-    /// A folder that was moved or copied goes on.
-    #[test]
-    fn the_digest_is_that_of_what_files_hold_wherever_they_lie() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-        let digest_of_a_copy = || {
-            let folder = tempfile::tempdir().unwrap();
-            let copied = |key: &str, file: &str| {
-                let path = folder.path().join(key);
-                std::fs::copy(root.join(file), &path).unwrap();
-                (key.to_owned(), path.display().to_string())
-            };
-            let set = [
-                copied("plan", "plan/judge.toml"),
-                copied("scene", "generate/vgn.toml"),
-                copied("objects.catalogue", "objects/everyday.toml"),
-                ("model".to_owned(), folder.path().join("model").display().to_string()),
-            ];
-            Config::read(Some(&root.join("experiment/table2.toml")), &set).unwrap().digest
-        };
-        assert_eq!(digest_of_a_copy(), digest_of_a_copy());
-    }
-
-    /// Journals are told apart by it: a name that changes in the code must not change it.
-    #[test]
-    fn the_digest_is_that_of_what_is_stored() {
-        let digest = "5a12c3a353fc7d38f51a1fcc3f262c1ffbdbb86165e04ad84b756355fdd01d6e";
-        let before = [
-            ("plan", "paper"),
-            ("protocol", "pile, 5 objects, 6 views"),
-            ("plan.detection.gaussian_sigma_voxels", "1.0"),
-            ("plan.cloud.resolution", "40"),
-            ("plan.collision.margin_m", "0.0"),
-        ];
-        // Keys that were added since have a default.
-        let is_old = |line: &&str| !line.starts_with("frames") && !line.starts_with("table_size_m");
-        let text: String = REFERENCE.lines().filter(is_old).map(|line| format!("{line}\n")).collect();
-        assert_eq!(digest_of(&text, &before), digest);
     }
 
     #[test]

@@ -94,34 +94,6 @@ fn a_folder_has_one_run_at_a_time_which_removes_what_killed_ones_left() {
     assert!(!left.exists());
 }
 
-/// A pipeline gives absolute paths to the experiments in its folder, which may be moved or copied.
-#[test]
-fn an_experiment_goes_on_where_its_files_were_moved_to() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let folder = tempfile::tempdir().unwrap();
-    let [here, there] = ["here", "there"].map(|name| folder.path().join(name));
-    fs::create_dir(&here).unwrap();
-    for (from, to) in [("configs/plan/paper.toml", "plan.toml"), ("configs/generate/paper.toml", "scene.toml")] {
-        fs::copy(root.join(from), here.join(to)).unwrap();
-    }
-    fs::copy(root.join("models/paper-200k.safetensors"), here.join("weights.safetensors")).unwrap();
-    let set = |at: &Path| {
-        [("plan", "plan.toml"), ("scene", "scene.toml"), ("model", "weights.safetensors")]
-            .map(|(key, file)| (key.to_owned(), at.join(file).display().to_string()))
-    };
-    let rounds_at = |at: &Path, rounds: &str| {
-        let sets = set(at).map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]).concat();
-        let (pile, out) = (config("pile.toml"), at.join("out"));
-        let start = ["run", pile.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", rounds];
-        told(&run(&start.into_iter().chain(sets.iter().map(String::as_str)).collect::<Vec<_>>()))
-    };
-    assert_eq!(rounds_at(&here, "1").0, Some(0));
-    fs::rename(&here, &there).unwrap();
-    let (code, said) = rounds_at(&there, "2");
-    assert_eq!(code, Some(0), "{said}");
-    assert_eq!(rounds(&there.join("out")).len(), 2);
-}
-
 #[test]
 fn a_journal_that_was_edited_is_damaged() {
     let folder = tempfile::tempdir().unwrap();
