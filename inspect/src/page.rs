@@ -11,8 +11,7 @@ impl Report {
     /// The report, for a terminal.
     #[must_use]
     pub fn document(&self, info: &DatasetInfo) -> Document {
-        let mut blocks =
-            vec![Block::Text(lead(self, info)), Block::Tiles(tiles(self)), Block::Warnings(self.warnings())];
+        let mut blocks = vec![Block::Text(lead(self, info)), Block::Tiles(tiles(self))];
         let sections = [outcomes(self), positives(self), sizes(self)];
         for (title, text, shown) in sections {
             blocks.extend([Block::Heading(title.to_owned()), Block::Text(text)]);
@@ -105,13 +104,11 @@ fn outcomes(report: &Report) -> Section {
 
 fn positives(report: &Report) -> Section {
     let text = "Which attempts held: by the target's shape, by the rule that drew the grasp, by clutter, by direction, and by the opening of \
-                fingers that closed, at the end of the hold if held, else when closing stopped. The share is of those that held. The last \
-                distance also holds what is further, and lone objects.";
+                fingers that closed, at the end of the hold if held, else when closing stopped. The share is of those that held.";
     let blocks = vec![
         groups("shape", &report.shapes),
         groups("rule", &report.rules),
         groups("objects in scene", &report.object_counts),
-        bins("nearest object's centre, cm", &report.neighbour_m, 100.0),
         bins("approach, degrees off vertical", &report.approach_deg, 1.0),
         bins("opening, mm", &report.width_m, 1000.0),
     ];

@@ -1,12 +1,11 @@
 //! What a dataset holds, in numbers: computed from its rows in one pass, never from what the manifest says.
 
 mod bins;
-mod warnings;
 
 use std::collections::BTreeMap;
 
 use program::Failure;
-use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, Shape, Vec3};
+use schema::{AttemptRecord, HitKind, Outcome, Rule, Shape, Vec3};
 use serde::Serialize;
 use shards::{Dataset, DatasetInfo, RejectionCounts, Table, Tally};
 
@@ -42,9 +41,6 @@ pub struct Report {
     pub width_m: Vec<Bin>,
     /// Angle between the grasp's approach and straight down, in degrees.
     pub approach_deg: Vec<Bin>,
-    /// From the target's centre to the nearest other object's, in metres; attempts on lone objects count in the last
-    /// bar.
-    pub neighbour_m: Vec<Bin>,
     /// Attempts whose grasp lies outside the grid; no voxel can learn from them.
     pub outside_grid: Tally,
     /// Scenes thrown away.
@@ -93,8 +89,6 @@ pub struct TableSize {
 const WIDTH_BINS: usize = 8;
 /// Degrees of a bar of the angles' histogram; twelve bars make 180°.
 const ANGLE_BIN_DEG: f64 = 15.0;
-/// Metres of a bar of the neighbours' histogram; the last of nine holds what is further, and lone objects.
-const NEIGHBOUR_BIN_M: f64 = 0.02;
 
 /// Reads all attempts and scene heads of a dataset and counts them.
 ///
@@ -116,7 +110,7 @@ pub fn report(dataset: &Dataset) -> Result<Report, Failure> {
                 shapes.entry(attempt.rule.shape).or_default().count(attempt);
                 rules.entry(attempt.rule.named()).or_default().count(attempt);
                 object_counts.entry(rows.scene.object_count).or_default().count(attempt);
-                report.count(dataset.info(), attempt, &rows.objects);
+                report.count(dataset.info(), attempt);
             }
         }
     }
@@ -139,7 +133,6 @@ fn nothing(dataset: &Dataset) -> Report {
         outcomes: Outcome::ALL.map(|outcome| OutcomeGroup { outcome, attempts: 0, hits: BTreeMap::new() }).into(),
         width_m: bars(WIDTH_BINS, f64::from(info.opening_m_max()) / WIDTH_BINS as f64),
         approach_deg: bars(12, ANGLE_BIN_DEG),
-        neighbour_m: bars(9, NEIGHBOUR_BIN_M),
         tables: Table::ALL.map(|table| size(dataset, table)).into(),
         ..Report::default()
     }
@@ -147,7 +140,7 @@ fn nothing(dataset: &Dataset) -> Report {
 
 impl Report {
     /// Counts an attempt on one of these objects.
-    fn count(&mut self, info: &DatasetInfo, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
+    fn count(&mut self, info: &DatasetInfo, attempt: &AttemptRecord) {
         self.labels.count(attempt);
         let outcome = &mut self.outcomes[attempt.outcome as usize];
         outcome.attempts += 1;
@@ -162,11 +155,6 @@ impl Report {
         if info.grid.voxel_at(attempt.workspace_from_grasp.translation).is_none() {
             self.outside_grid.count(attempt);
         }
-        let Some(target) = objects.get(attempt.object_id as usize) else { return };
-        let centre = |object: &ObjectRecord| object.workspace_from_object.translation;
-        let others = objects.iter().filter(|object| object.object_id != attempt.object_id);
-        let nearest_m = others.map(|other| (centre(other) - centre(target)).length()).fold(f32::INFINITY, f32::min);
-        bar(&mut self.neighbour_m, f64::from(nearest_m) / NEIGHBOUR_BIN_M).count(attempt);
     }
 }
 
