@@ -5,21 +5,15 @@
 //! (`test attempts`, as in the paper: the network sees the same grid with other attempts). The rest is used for
 //! training. [`crate::config::SplitConfig`] selects which of the two is *the* test set and the size of each.
 //!
-//! Every scene and every attempt has a draw, and those with the smallest are held out. No list of all draws is kept:
-//! they are counted by their highest bits, so that only those near the limit must be sorted.
-
-use core::cmp::Ordering;
+//! Every scene and every attempt has a draw, and those with the smallest are held out.
 
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
 use schema::{Purpose, Stream};
 
 use crate::config::{SplitBy, SplitConfig};
-use crate::data::split_bits::{HELD, HITS_TABLE, NO_SAMPLE, shard_of};
+use crate::data::split_bits::{HELD, HITS_TABLE, NO_SAMPLE};
 use crate::data::{Set, SplitBits};
-
-/// The highest bits of a draw by which attempts are counted: near the limit are 24,000 of 10⁸.
-const COUNTED_BITS: u32 = 12;
 
 /// Labels of the sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -42,47 +36,41 @@ pub fn split(marks: &mut [SplitBits], seed: u64, config: &SplitConfig) -> Result
         SplitBy::Attempt => (config.other_share, config.test_share),
         SplitBy::Scene => (config.test_share, config.other_share),
     };
-    let (scenes, last_held_out) = hold_out_scenes(marks, seed, scene_share);
-    let is_held_out = |scene: u32| (draw(seed, scene, 0), scene) <= last_held_out;
-    let (samples, slots) = count(marks, seed, is_held_out);
-    // The slot of the last held-out attempt, and how many of its attempts are held out.
-    let (mut limit, mut left) = (0, (attempt_share * samples as f64).round().max(1.0) as usize);
-    while limit < slots.len() && slots[limit] <= left {
-        left -= slots[limit];
-        limit += 1;
-    }
+    let with_samples = |marks: &SplitBits| {
+        let scenes = marks.scenes().filter(|scene| marks.has(*scene, |mark| mark != NO_SAMPLE));
+        scenes.map(|scene| draw(seed, scene, 0)).collect::<Vec<_>>()
+    };
+    let scene_draws: Vec<u64> = marks.par_iter().flat_map_iter(with_samples).collect();
+    let scenes = scene_draws.len();
+    let last_scene = last_held_out(scene_draws, scene_share * scenes as f64);
+    let is_held_out = |scene: u32| draw(seed, scene, 0) <= last_scene;
+    let count = |marks: &SplitBits| marks.scenes().map(|scene| samples_of(marks, scene).len()).sum::<usize>();
+    let samples: usize = marks.par_iter().map(count).sum();
+    let of_scene = |marks: &SplitBits, scene: u32| {
+        samples_of(marks, scene).into_iter().map(move |(attempt, _)| draw(seed, scene, attempt + 1))
+    };
+    let of_shard = |marks: &SplitBits| {
+        let scenes = marks.scenes().filter(|scene| !is_held_out(*scene));
+        scenes.flat_map(|scene| of_scene(marks, scene)).collect::<Vec<_>>()
+    };
+    let last_attempt =
+        last_held_out(marks.par_iter().flat_map_iter(of_shard).collect(), attempt_share * samples as f64);
     let assign = |marks: &mut SplitBits| {
-        let (mut labels, mut near) = (Labels::default(), Vec::new());
+        let mut labels = Labels::default();
         for scene in marks.scenes() {
             let is_held_out = is_held_out(scene);
             for (attempt, mark) in samples_of(marks, scene) {
-                let key = if is_held_out { 0 } else { draw(seed, scene, attempt + 1) };
-                let set = match slot(key).cmp(&limit) {
+                let set = match draw(seed, scene, attempt + 1) {
                     _ if is_held_out => Set::TestScenes,
-                    Ordering::Less => Set::TestAttempts,
-                    Ordering::Greater => Set::Train,
-                    Ordering::Equal => {
-                        near.push((key, scene, attempt, mark));
-                        continue;
-                    }
+                    draw if draw <= last_attempt => Set::TestAttempts,
+                    _ => Set::Train,
                 };
                 labels.put(marks, scene, attempt, mark, set);
             }
         }
-        (labels, near)
+        labels
     };
-    let assigned: Vec<_> = marks.par_iter_mut().map(assign).collect();
-    let (mut labels, mut near) = (Labels::default(), Vec::new());
-    for (own, own_near) in assigned {
-        labels.add(&own);
-        near.extend(own_near);
-    }
-    near.sort_unstable();
-    for (rank, (_, scene, attempt, mark)) in near.into_iter().enumerate() {
-        let set = if rank < left { Set::TestAttempts } else { Set::Train };
-        let shard = shard_of(marks, scene);
-        labels.put(&mut marks[shard], scene, attempt, mark, set);
-    }
+    let labels = marks.par_iter_mut().map(assign).reduce(Labels::default, Labels::plus);
     let counts = [labels.train, labels.test_attempts, labels.test_scenes].map(|set| set.samples);
     if counts.contains(&0) {
         let [train, test_attempts, test_scenes] = counts;
@@ -95,35 +83,10 @@ pub fn split(marks: &mut [SplitBits], seed: u64, config: &SplitConfig) -> Result
     Ok(labels)
 }
 
-/// The number of scenes with samples, and draw and scene of the last one that is held out.
-fn hold_out_scenes(marks: &[SplitBits], seed: u64, share: f64) -> (usize, (u64, u32)) {
-    let own = |marks: &SplitBits| {
-        let scenes = marks.scenes().filter(|scene| marks.has(*scene, |mark| mark != NO_SAMPLE));
-        scenes.map(|scene| (draw(seed, scene, 0), scene)).collect::<Vec<_>>()
-    };
-    let mut ranked: Vec<(u64, u32)> = marks.par_iter().flat_map(own).collect();
-    let scenes = ranked.len();
-    let count = ((share * scenes as f64).round().max(1.0) as usize).min(scenes);
-    let last = count.checked_sub(1).map(|last| *ranked.select_nth_unstable(last).1);
-    (scenes, last.unwrap_or_default())
-}
-
-/// The number of samples, and of those that are in no held-out scene the number by the highest bits of their draws.
-fn count(marks: &[SplitBits], seed: u64, is_held_out: impl Fn(u32) -> bool + Sync) -> (usize, Vec<usize>) {
-    let none = || (0, vec![0; 1 << COUNTED_BITS]);
-    let add = |(mut samples, mut slots): (usize, Vec<usize>), marks: &SplitBits| {
-        for scene in marks.scenes() {
-            let own = samples_of(marks, scene);
-            samples += own.len();
-            if !is_held_out(scene) {
-                own.iter().for_each(|(attempt, _)| slots[slot(draw(seed, scene, attempt + 1))] += 1);
-            }
-        }
-        (samples, slots)
-    };
-    let sum =
-        |a: (usize, Vec<usize>), b: (usize, Vec<usize>)| (a.0 + b.0, a.1.iter().zip(b.1).map(|(a, b)| a + b).collect());
-    marks.par_iter().fold(none, add).reduce(none, sum)
+/// The draw of the last that is held out, of about so many with the smallest draws.
+fn last_held_out(mut draws: Vec<u64>, count: f64) -> u64 {
+    let count = (count.round().max(1.0) as usize).min(draws.len());
+    count.checked_sub(1).map_or(0, |last| *draws.select_nth_unstable(last).1)
 }
 
 /// Attempts of a scene with a sample, and their marks.
@@ -145,15 +108,12 @@ impl Labels {
         own.add(LabelCount { samples: 1, held: usize::from(mark == HELD) });
     }
 
-    fn add(&mut self, other: &Self) {
+    fn plus(mut self, other: Self) -> Self {
         self.train.add(other.train);
         self.test_attempts.add(other.test_attempts);
         self.test_scenes.add(other.test_scenes);
+        self
     }
-}
-
-fn slot(draw: u64) -> usize {
-    (draw >> (u64::BITS - COUNTED_BITS)) as usize
 }
 
 /// The stream of try 0 draws for a scene, that of try a + 1 for its attempt a.
