@@ -269,10 +269,7 @@ impl Config {
         let (of_plan, own): (Vec<_>, Vec<_>) = set.iter().partition(|(key, _)| key.starts_with("plan."));
         own.into_iter().try_for_each(|(key, value)| document.set(key, value))?;
         let mut keys: Keys = document.read()?;
-        let template = std::mem::take(&mut keys.protocol);
-        let protocol = filled(&template, &toml::Value::Table(document.table().clone()));
-        keys.protocol = protocol.clone() + &changes(&template, set);
-        document.table_mut().insert("protocol".to_owned(), protocol.into());
+        keys.protocol += &changes(set);
         let file = |name: &str, built_in: &str| (name != built_in).then(|| document.folder().join(name));
         let mut scene = generator::Config::load(file(&keys.scene, "paper").as_deref(), Overrides::default())?;
         scene.grid = scene.grid.over(keys.table_size_m);
@@ -357,22 +354,11 @@ impl Config {
     }
 }
 
-/// A protocol's name with the values of the keys that it has in braces.
-fn filled(template: &str, keys: &toml::Value) -> String {
-    let found = template.split_once('{').and_then(|(before, rest)| {
-        let (path, after) = rest.split_once('}')?;
-        Some((before, path.split('.').try_fold(keys, |value, part| value.get(part))?, after))
-    });
-    let Some((before, value, after)) = found else { return template.to_owned() };
-    let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-    format!("{before}{value}{}", filled(after, keys))
-}
-
-/// What was set that a protocol's name does not say, unless the name was set: of paths the last part.
-fn changes(template: &str, set: &[(String, String)]) -> String {
-    let is_said = |key: &str| ["seeds", "rounds"].contains(&key) || template.contains(&format!("{{{key}}}"));
+/// What was set, unless the protocol's name was set: of paths the last part.
+fn changes(set: &[(String, String)]) -> String {
     let told = |(key, value): &(String, String)| {
-        if is_said(key) { String::new() } else { format!(", {key} = {}", last(value.trim_matches('"'))) }
+        let is_said = ["seeds", "rounds"].contains(&key.as_str());
+        if is_said { String::new() } else { format!(", {key} = {}", last(value.trim_matches('"'))) }
     };
     if set.iter().any(|(key, _)| key == "protocol") { String::new() } else { set.iter().map(told).collect() }
 }
@@ -462,10 +448,13 @@ mod tests {
         };
         assert_eq!(named("giga-pile.toml", &[]), "GIGA pile, 5 objects, 1 side view, dex noise");
         let d435 = [("noise.kind", "d435"), ("rounds", "3")];
-        assert_eq!(named("giga-pile.toml", &d435), "GIGA pile, 5 objects, 1 side view, d435 noise");
+        assert_eq!(named("giga-pile.toml", &d435), "GIGA pile, 5 objects, 1 side view, dex noise, noise.kind = d435");
         let more = [("objects.count", "7"), ("noise.kind", "\"dex\""), ("plan", "../plan/vgn.toml")];
-        assert_eq!(named("pile.toml", &more), "pile, 7 objects, 6 views, noise.kind = dex, plan = vgn.toml");
-        assert_eq!(named("pile.toml", &[("protocol", "mine {x}"), ("objects.count", "7")]), "mine {x}");
+        assert_eq!(
+            named("pile.toml", &more),
+            "pile, 5 objects, 6 views, objects.count = 7, noise.kind = dex, plan = vgn.toml"
+        );
+        assert_eq!(named("pile.toml", &[("protocol", "mine"), ("objects.count", "7")]), "mine");
     }
 
     #[test]
