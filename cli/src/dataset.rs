@@ -23,7 +23,7 @@ pub(crate) enum Command {
     Browse(browse::Arguments),
     Replay(replay::Arguments),
     Repeat(repeat::Arguments),
-    /// Write the dataset or its scenes in formats of others: VGN's, Parquet for old readers, MJCF, URDF, USD
+    /// Write the dataset or its scenes in formats of others: VGN's, MJCF, URDF, USD
     ///
     /// The program of the Python package does it: `pip install graspmill`, then the same command
     Export(Elsewhere),

@@ -49,11 +49,10 @@ def _progress(text: str) -> None:
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
 
-EXPORT = "Write the dataset as the files that VGN's and GIGA's code trains on, as Parquet for old readers, or its scenes for simulators."
+EXPORT = "Write the dataset as the files that VGN's and GIGA's code trains on, or its scenes for simulators."
 EXAMPLES = """Examples:
   graspmill dataset export grasps --format vgn --out grasps-vgn
   graspmill dataset export s3://bucket/grasps --format vgn --out grasps-vgn
-  graspmill dataset export grasps --format parquet --out grasps-plain    for old polars and fastparquet
   graspmill dataset export grasps --format mjcf --scenes 0-9,17 --out grasps-mujoco    a folder a scene
 
 An interrupted export continues when it is run again. docs/exporting.md describes the files and how to read them."""

@@ -10,7 +10,6 @@ from itertools import groupby
 
 import numpy as np
 import pyarrow.dataset as pads
-import pyarrow.parquet as pq
 import pytest
 from programs import DATASET, ROOT, commanded, files, packaged
 
@@ -167,41 +166,7 @@ def test_gigas_rows_are_vgns_in_metres(vgn):
             assert metre[same] == voxel[same]
 
 
-def test_plain_tables_have_encodings_that_every_reader_knows_and_the_same_values(tmp_path):
-    told = exported(tmp_path / "plain", "parquet")
-    known = {"PLAIN", "RLE", "PLAIN_DICTIONARY", "RLE_DICTIONARY", "BIT_PACKED"}
-    for name in ("attempts", "scenes", "objects"):
-        files = sorted((DATASET / name).glob("*.parquet"))
-        copies = [tmp_path / "plain" / name / path.name for path in files]
-        assert sorted((tmp_path / "plain" / name).iterdir()) == copies
-        for path, copy in zip(files, copies):
-            encodings = [encodings_of(one) for one in (path, copy)]
-            assert "BYTE_STREAM_SPLIT" in encodings[0] and encodings[1] <= known, encodings
-            before, after = pq.read_table(path), pq.read_table(copy)
-            assert after.schema.equals(before.schema, check_metadata=True) and after.equals(before), path
-        # A reader that does not know a footer's order of floats ignores their statistics, as this pyarrow, or fails, as
-        # old polars.
-        shown = [column_of(one, "x_m").statistics.has_min_max for one in (files[0], copies[0]) if name != "scenes"]
-        assert shown in ([], [False, True], [True, True]), name
-    assert told["counts"]["attempts"] == pads.dataset(DATASET / "attempts", format="parquet").count_rows()
-    assert json.loads((tmp_path / "plain/meta/info.json").read_text())["grid"] == INFO["grid"]
-    with pytest.raises(graspmill.IncompleteError):
-        graspmill.Dataset(tmp_path / "plain")
-
-
-def column_of(path, name):
-    meta = pq.read_metadata(path)
-    return next(one for one in map(meta.row_group(0).column, range(meta.num_columns)) if one.path_in_schema == name)
-
-
-def encodings_of(path):
-    meta = pq.read_metadata(path)
-    chunks = [meta.row_group(group).column(column) for group in range(meta.num_row_groups) for column in range(meta.num_columns)]
-    assert {chunk.compression for chunk in chunks} == {"ZSTD"}
-    return {encoding for chunk in chunks for encoding in chunk.encodings}
-
-
-@pytest.mark.parametrize("form", ["vgn", "parquet", "mjcf"])
+@pytest.mark.parametrize("form", ["vgn", "mjcf"])
 def test_the_same_bytes_each_time_and_a_stopped_export_goes_on(form, tmp_path, vgn):
     dataset, one, two = graspmill.Dataset(DATASET), tmp_path / "one", tmp_path / "two"
     told = exported(one, form)
@@ -251,7 +216,7 @@ def test_what_cannot_be_is_refused_and_nothing_of_others_is_touched(vgn, points,
         (DATASET, "vgn", DATASET, (), 78, "which is no export"),
         (points, "vgn", vgn[0], (), 78, "it holds an export as vgn of dataset"),
         (tmp_path, "vgn", tmp_path / "new", (), 78, ""),
-        (DATASET, "parquet", tmp_path / "new", ("--scenes", "3"), 78, "scenes may be selected of mjcf, urdf and usda, got parquet"),
+        (DATASET, "vgn", tmp_path / "new", ("--scenes", "3"), 78, "scenes may be selected of mjcf, urdf and usda, got vgn"),
         (DATASET, "mjcf", tmp_path / "new", ("--scenes", "3-10000"), 78, "scenes must be below the number of scenes"),
         (DATASET, "mjcf", tmp_path / "new", ("--scenes", "9-3"), 78, "must be ranges that are not empty, got `9-3`"),
         (DATASET, "mjcf", tmp_path / "new", ("--scenes=-3",), 78, "such as 0-9,17, got `-3`"),
@@ -269,7 +234,7 @@ def test_datasets_that_do_not_fit_vgn_are_refused(tmp_path):
     refused("VGN's format has one gripper, the dataset has 2", lambda: formats.vgn.check(several))
 
 
-@pytest.mark.parametrize("form", ["vgn", "parquet", "mjcf"])
+@pytest.mark.parametrize("form", ["vgn", "mjcf"])
 def test_a_damaged_dataset_is_not_exported_as_whole(form, tmp_path):
     shutil.copytree(DATASET, tmp_path / "ds")
     path = max((tmp_path / "ds/scenes").iterdir())

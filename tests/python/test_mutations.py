@@ -39,7 +39,7 @@ COMMANDS = [
     "trainer fit --data {data} --config {quick} --epochs 1 --run {out}/run",
 ]
 #: A mutant meets one of them.
-EXPORTS = [f"graspmill dataset export {{data}} --out {{out}}/export --format {form}" for form in ("vgn", "parquet", "mjcf --scenes 6")]
+EXPORTS = [f"graspmill dataset export {{data}} --out {{out}}/export --format {form}" for form in ("vgn", "mjcf --scenes 6")]
 
 
 # Starts a program and writes its exit code and its peak memory in KiB. A program started from here would count the

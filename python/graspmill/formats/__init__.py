@@ -1,7 +1,7 @@
-"""Datasets for the programs of others: what VGN's and GIGA's code trains on, Parquet for old readers, scenes for
-simulators. A format is a file: of a dataset in ``datasets``, of simulators in ``scenes``; its docstring becomes the
-export's page. The same dataset gives the same bytes. Each file gets its name when it is whole, so an interrupted export
-continues with the missing ones; ``export-begun.json`` identifies it meanwhile. ``export.json`` comes last."""
+"""Datasets for the programs of others: what VGN's and GIGA's code trains on, scenes for simulators.
+A format is a file: of a dataset in ``datasets``, of simulators in ``scenes``; its docstring becomes the export's page.
+The same dataset gives the same bytes. Each file gets its name when it is whole, so an interrupted export continues with
+the missing ones; ``export-begun.json`` identifies it meanwhile. ``export.json`` comes last."""
 
 import fcntl
 import inspect
@@ -18,9 +18,9 @@ from ..dataset import Dataset
 from ..errors import InputError, OutsideError
 from . import scenes
 from ._files import as_json, outside, part, write
-from .datasets import parquet, vgn
+from .datasets import vgn
 
-FORMATS: dict[str, Any] = {"vgn": vgn, "parquet": parquet, **scenes.FORMATS}
+FORMATS: dict[str, Any] = {"vgn": vgn, **scenes.FORMATS}
 #: The files that describe a complete export, identify an incomplete one, and keep others out meanwhile.
 DONE, BEGUN, LOCK = "export.json", "export-begun.json", ".lock"
 SOURCE = "Exported by Graspmill {exporter_version} from dataset `{dataset_id}` (made by {dataset_code_version} from seed {dataset_seed})."
