@@ -20,7 +20,7 @@ Examples:
   graspmill experiment run configs/experiment/pile.toml --out runs/pile
   graspmill experiment run configs/experiment/packed.toml --rounds 20 --out runs/packed
   graspmill experiment run configs/experiment/pile.toml --set views.count=3 --set plan.ranking.policy=vgn-best --set protocol='pile, 3 views' --out runs/three
-  graspmill experiment report runs/pile runs/three > compared.md
+  graspmill experiment report runs/pile runs/three
   graspmill experiment report runs/pile runs/three --html compared.html
 
 Interrupt a run and start the same command again: it continues where it stopped.";

@@ -11,20 +11,6 @@ pub fn grouped(number: u64) -> String {
     }
 }
 
-/// A table as Markdown; columns of numbers are right-aligned. What is in a cell cannot break it.
-#[must_use]
-pub fn markdown_table(head: &[(&str, bool)], rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    let cell = |text: &str| match text.replace(char::is_control, " ").replace('|', "\\|") {
-        text if text.is_empty() => " |".to_owned(),
-        text => format!(" {text} |"),
-    };
-    let line = |cells: String| format!("|{cells}\n");
-    let mut text = line(head.iter().map(|(name, _)| cell(name)).collect());
-    text += &line(head.iter().map(|(_, is_number)| if *is_number { "---:|" } else { "---|" }).collect());
-    rows.into_iter().for_each(|row| text += &line(row.iter().map(|text| cell(text)).collect()));
-    text
-}
-
 /// `0.1234` as `12.3 %`.
 #[must_use]
 pub fn percent(share: f64) -> String {

@@ -1,4 +1,4 @@
-//! Experiments that were run as one description, which becomes a page, Markdown and a terminal's text: rates with their
+//! Experiments that were run as one description, which becomes a page and a terminal's text: rates with their
 //! intervals, why attempts failed, and how it was run. Several experiments are more rows of the same tables.
 //!
 //! A success rate without its protocol is a rumour: every row says whose numbers it holds.

@@ -7,7 +7,7 @@ use program::{ExitCode, Failure, print, write};
 
 use super::page::document;
 
-/// Completed experiments, one or several: rates with their intervals, and why grasps failed; as Markdown or a page
+/// Completed experiments, one or several: rates with their intervals, and why grasps failed; as text or a page
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
@@ -27,7 +27,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             write(path, document.html())?;
             print(format_args!("{}\n", path.display()))?;
         }
-        None => print(document.markdown())?,
+        None => print(document.text())?,
     }
     Ok(ExitCode::Ok)
 }

@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
     /// Print JSON.
     #[arg(long)]
     json: bool,
-    /// A folder for evaluation.md, and evaluation.json, which also has the points of precision–recall.
+    /// A folder for evaluation.html, and evaluation.json, which also has the points of precision–recall.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Threads; all cores by default.

@@ -1,4 +1,4 @@
-//! An evaluation as tables: what a terminal and `evaluation.md` show. `evaluation.json` has all of its numbers.
+//! An evaluation as tables: what a terminal and `evaluation.html` show. `evaluation.json` has all of its numbers.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,14 +11,14 @@ use trainer::judge::scores::JudgeScores;
 use trainer::metrics::Summary;
 use trainer::scores::{BINS, GraspErrors, Spread};
 
-/// Writes `evaluation.md` and `evaluation.json` into a folder, which is made if it is not there, in place of what these
+/// Writes `evaluation.html` and `evaluation.json` into a folder, which is made if it is not there, in place of what these
 /// files held.
 ///
 /// # Errors
 /// If a file cannot be written.
 pub(crate) fn write_report(evaluation: &Evaluation, folder: &Path) -> Result<(), Failure> {
     fs::create_dir_all(folder).context(format_args!("failed to make {}", folder.display()))?;
-    write(&folder.join("evaluation.md"), document(evaluation).markdown())?;
+    write(&folder.join("evaluation.html"), document(evaluation).html())?;
     write(&folder.join("evaluation.json"), json(evaluation)?)
 }
 

@@ -4,7 +4,6 @@
 use std::sync::Arc;
 
 use arrow_schema::{DataType, Field, Fields, Metadata, Schema, SchemaRef};
-use program::text::markdown_table;
 use settings::words;
 
 words! {
@@ -213,10 +212,9 @@ impl Table {
     pub fn described(self, form: Form) -> String {
         let rows = self.columns(form).into_iter().map(|column| {
             let null = if column.nullable { ", nullable" } else { "" };
-            let kind = column.kind.describe(form.resolution);
-            vec![format!("`{}`", column.name), format!("{kind}{null}"), column.doc.to_owned()]
+            format!("| `{}` | {}{null} | {} |\n", column.name, column.kind.describe(form.resolution), column.doc)
         });
-        markdown_table(&[("column", false), ("type", false), ("meaning", false)], rows)
+        format!("| column | type | meaning |\n|---|---|---|\n{}", rows.collect::<String>())
     }
 }
 

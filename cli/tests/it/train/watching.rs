@@ -41,9 +41,9 @@ fn a_run_and_an_evaluation_are_reported() {
     assert_eq!(of_run, of_file);
     let report = Path::new(&report);
     assert_eq!(fs::read_to_string(report.join("evaluation.json")).unwrap(), of_file);
-    assert_eq!(names(report), ["evaluation.json", "evaluation.md"]);
-    let page = fs::read_to_string(report.join("evaluation.md")).unwrap();
-    for words in ["another |", "| average precision |", "scenes drawn", "## By rule", "cuboid_z", "## Calibration"] {
+    assert_eq!(names(report), ["evaluation.html", "evaluation.json"]);
+    let page = fs::read_to_string(report.join("evaluation.html")).unwrap();
+    for words in ["another</td>", ">average precision<", "scenes drawn", ">By rule<", "cuboid_z", ">Calibration<"] {
         assert!(page.contains(words), "{words} is not in\n{page}");
     }
 
