@@ -27,7 +27,7 @@ say "4/6 training"
 "$bin/graspmill" fit --data "$data" --config configs/train/quick.toml --run "$run" --resume
 
 say "5/6 evaluating the best checkpoint on attempts that it has not seen"
-"$bin/graspmill" evaluate --data "$data" --run "$run" --checkpoint best
+"$bin/graspmill" evaluate --data "$data" --run "$run"
 
 say "6/6 pages, and a plan by the built-in judge of images that come with it"
 "$bin/graspmill" dataset browse "$data" --out "$folder/pages"

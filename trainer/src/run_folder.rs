@@ -13,7 +13,6 @@ use std::path::{Path, PathBuf};
 
 use network::checkpoint::{self, Checkpoint};
 use program::{Context as _, ExitCode, Failure, FolderLock, differences, names_in, unread, write};
-use settings::words;
 use shards::Dataset;
 
 use crate::config::Config;
@@ -27,6 +26,10 @@ pub struct RunFolder {
 }
 
 const CONFIG: &str = "config.toml";
+/// The checkpoint of the epoch with the best test accuracy.
+pub const BEST: &str = "best.safetensors";
+/// The latest checkpoint.
+const LAST: &str = "last.safetensors";
 /// What epochs were like, a line of JSON each.
 const METRICS: &str = "metrics.jsonl";
 
@@ -38,8 +41,7 @@ impl RunFolder {
     /// # Errors
     /// If the folder is refused or in use, or cannot be read or written.
     pub fn open(path: &Path, config: &Config, resume: bool) -> Result<Self, Failure> {
-        let (last, best) = (SavedAs::Last.path(path), SavedAs::Best.path(path));
-        let has_results = [last, best, path.join(METRICS)].iter().any(|path| path.exists());
+        let has_results = [LAST, BEST, METRICS].iter().any(|name| path.join(name).exists());
         if let Some(entry) =
             first_entry(path).context(format_args!("failed to read the run's folder {}", path.display()))?
         {
@@ -73,7 +75,7 @@ impl RunFolder {
     /// # Errors
     /// If the checkpoint is damaged or was trained on other datasets.
     pub fn last(&self, datasets: &[Dataset]) -> Result<Option<Checkpoint>, Failure> {
-        let path = SavedAs::Last.path(&self.path);
+        let path = self.path.join(LAST);
         if !path.exists() {
             return Ok(None);
         }
@@ -91,7 +93,7 @@ impl RunFolder {
     /// # Errors
     /// If it cannot be written.
     pub fn save_last(&self, checkpoint: &Checkpoint) -> Result<(), Failure> {
-        checkpoint::save(checkpoint, &SavedAs::Last.path(&self.path))
+        checkpoint::save(checkpoint, &self.path.join(LAST))
     }
 
     /// Writes the weights of the best epoch.
@@ -100,7 +102,7 @@ impl RunFolder {
     /// If they cannot be written.
     pub fn save_best(&self, checkpoint: &Checkpoint) -> Result<(), Failure> {
         let weights = Checkpoint { moments: None, ..checkpoint.clone() };
-        checkpoint::save(&weights, &SavedAs::Best.path(&self.path))
+        checkpoint::save(&weights, &self.path.join(BEST))
     }
 
     /// Rewrites `metrics.jsonl`, so that it never ends with a partial line.
@@ -117,24 +119,6 @@ impl RunFolder {
 pub(crate) fn id_of(datasets: &[Dataset]) -> String {
     let ids: Vec<&str> = datasets.iter().map(Dataset::id).collect();
     ids.join("+")
-}
-
-words! {
-    /// A checkpoint of a run.
-    pub enum SavedAs {
-        /// Of the epoch with the best test accuracy.
-        Best = "best",
-        /// The latest.
-        Last = "last",
-    }
-}
-
-impl SavedAs {
-    /// Its path in a run's folder.
-    #[must_use]
-    pub fn path(self, run: &Path) -> PathBuf {
-        run.join(format!("{}.safetensors", self.name()))
-    }
 }
 
 /// Largest text in a run's folder, in bytes; in `metrics.jsonl` an epoch takes half a kilobyte.

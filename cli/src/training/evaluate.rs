@@ -6,7 +6,7 @@ use clap::Args;
 use program::{ExitCode, Failure, json, print, start_threads};
 use shards::Location;
 use trainer::evaluate::{TestSet, evaluate};
-use trainer::run_folder::SavedAs;
+use trainer::run_folder::BEST;
 
 use super::report::{document, write_report};
 use crate::parse::{LocationParser, one_of};
@@ -17,14 +17,11 @@ use crate::parse::{LocationParser, one_of};
 #[derive(Debug, Args)]
 #[command(after_help = format!("{}\n\n{}", Location::HELP, ExitCode::HELP))]
 pub(crate) struct Arguments {
-    /// The run's folder.
+    /// The run's folder, of which the checkpoint with the best test accuracy is evaluated.
     #[arg(long, required_unless_present = "model")]
     run: Option<PathBuf>,
-    /// Which of its checkpoints: that of the epoch with the best test accuracy, or the latest.
-    #[arg(long, default_value = SavedAs::Best.name(), value_parser = one_of!(SavedAs))]
-    checkpoint: SavedAs,
     /// A checkpoint's file, in place of a run's.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "checkpoint"])]
+    #[arg(long, value_name = "FILE", conflicts_with = "run")]
     model: Option<PathBuf>,
     /// The dataset's folder or URL.
     #[arg(long, value_parser = LocationParser)]
@@ -48,7 +45,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let path = match (&arguments.model, &arguments.run) {
         (Some(model), _) => model.clone(),
         // clap asks for one of the two.
-        (None, run) => arguments.checkpoint.path(run.as_deref().unwrap_or(Path::new("."))),
+        (None, run) => run.as_deref().unwrap_or(Path::new(".")).join(BEST),
     };
     let evaluation = evaluate(&path, &arguments.data, arguments.split)?;
     if let Some(folder) = &arguments.report {

@@ -9,7 +9,7 @@ use shards::Location;
 use trainer::config::Config;
 use trainer::device::DeviceName;
 use trainer::fit::{Ending, Job, fit};
-use trainer::run_folder::SavedAs;
+use trainer::run_folder::BEST;
 
 use super::console::Screen;
 use crate::parse::LocationParser;
@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     screen.end();
     match ending {
         Ending::Done => {
-            let (best, run) = (SavedAs::Best.path(run), run.display());
+            let (best, run) = (run.join(BEST), run.display());
             // Of several datasets nothing is held out that could be found again.
             let next = if let [one] = data { one.to_string() } else { "ANOTHER".to_owned() };
             print(format_args!(

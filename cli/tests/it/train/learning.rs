@@ -28,18 +28,8 @@ fn test_accuracy_clearly_beats_the_baseline() {
         assert!((number("loss") - sum).abs() < 1e-5, "{set}: Eq. 5");
     }
 
-    let output = trainer(&[
-        "evaluate",
-        "--run",
-        &run,
-        "--checkpoint",
-        "last",
-        "--data",
-        &data,
-        "--split",
-        "test-scenes",
-        "--json",
-    ]);
+    let last_one = format!("{run}/last.safetensors");
+    let output = trainer(&["evaluate", "--model", &last_one, "--data", &data, "--split", "test-scenes", "--json"]);
     let evaluation: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(evaluation["all"]["accuracy"], last["test_scenes"]["accuracy"]);
     assert_eq!(evaluation["all"]["confusion"], last["test_scenes"]["confusion"]);
