@@ -138,11 +138,10 @@ fn sizes(report: &Report) -> Section {
             Cell::code(&table.table),
             Cell::Count(table.rows),
             Cell::Number(bytes(table.bytes)),
-            Cell::Count(table.bytes_per_scene.round() as u64), // a size, from 0
             Cell::Number(format!("{:.1}", table.bytes_per_attempt)),
         ]
     });
-    let table = Table::new(["table", "rows", "on disk", "bytes a scene", "bytes an attempt"], rows);
+    let table = Table::new(["table", "rows", "on disk", "bytes an attempt"], rows);
     let (rejected, outside) = (&report.rejections, report.outside_grid);
     let text = format!(
         "{} scenes were thrown away on the way ({} did not come to rest, {} lost every object, {} broke the physics); {} grasps ({}) \

@@ -79,8 +79,6 @@ pub struct TableSize {
     pub rows: u64,
     /// Bytes.
     pub bytes: u64,
-    /// Bytes over scenes.
-    pub bytes_per_scene: f64,
     /// Bytes over attempts.
     pub bytes_per_attempt: f64,
 }
@@ -174,7 +172,6 @@ fn size(dataset: &Dataset, table: Table) -> TableSize {
         table: table.name().to_owned(),
         rows: dataset.manifest().shards.iter().map(|s| s.file(table).rows).sum(),
         bytes,
-        bytes_per_scene: bytes as f64 / dataset.info().scene_count as f64,
         bytes_per_attempt: bytes as f64 / dataset.info().attempt_count as f64,
     }
 }

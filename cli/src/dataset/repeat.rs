@@ -29,10 +29,6 @@ pub(crate) struct Arguments {
     /// are compared, and differences are no error
     #[arg(long, value_name = "ENGINE", value_parser = one_of!(Engine))]
     engine: Option<Engine>,
-
-    /// Show at most N of the differences
-    #[arg(long, value_name = "N", default_value_t = 20)]
-    show: usize,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
@@ -46,7 +42,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         repeated.attempts,
         repeated.different.len()
     );
-    for one in repeated.different.iter().take(arguments.show) {
+    for one in repeated.different.iter().take(20) {
         let (stored, now) = (one.stored.name(), one.now.name());
         text += &format!("scene {}, attempt {}: stored {stored}, now {now}\n", one.scene_id, one.attempt_id);
     }
