@@ -223,7 +223,7 @@ impl Dataset {
     ) -> Result<impl Iterator<Item = Result<SceneRecord, Failure>>, Failure> {
         let scenes = self.scenes_of(shard)?;
         let rows = wanted.as_ref().map(|ids| ids.iter().map(|id| (id - scenes.start) as usize).collect::<Vec<_>>());
-        let part = Part { batch_rows: BATCH_SCENES, without, rows: rows.as_deref(), ..Part::default() };
+        let part = Part { batch_rows: BATCH_SCENES, without, rows: rows.as_deref() };
         let mut ids = wanted.unwrap_or_else(|| scenes.collect()).into_iter();
         let check = move |scene: Option<&SceneRecord>| match (ids.next(), scene) {
             (None, None) => Ok(()),
