@@ -109,7 +109,7 @@ pub struct LeftOut {
 }
 
 /// Measures and decomposes meshes and makes a catalogue of them. Files are processed in parallel; the result does not
-/// depend on the number of threads. `on_file` is called when work on a file ends, with the reason if it cannot be used.
+/// depend on the number of threads. `on_file` is called when work on a file ends.
 ///
 /// # Errors
 /// If no file can be used, with all reasons; if there are too many.

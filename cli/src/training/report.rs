@@ -11,8 +11,8 @@ use trainer::judge::scores::JudgeScores;
 use trainer::metrics::Summary;
 use trainer::scores::{BINS, GraspErrors, Spread};
 
-/// Writes `evaluation.html` and `evaluation.json` into a folder, which is made if it is not there, in place of what these
-/// files held.
+/// Writes `evaluation.html` and `evaluation.json` into a folder, which is made if it is not there, in place of what
+/// these files held.
 ///
 /// # Errors
 /// If a file cannot be written.
