@@ -18,8 +18,10 @@ use crate::{Body, Obstruction, Scene, SceneObject};
 const CLEARANCE_M_MAX: f32 = 0.02;
 /// The table of a floating object is this far below it.
 const FAR_M: f32 = 1e3;
-/// An object is at rest in the gripper if for so long it moves no faster than [`Hold::slow`] says.
-const REST_TIME_S: f32 = 0.025;
+/// An object is at rest in the gripper if for so long it moves no faster than [`Hold::slow`] says: two steps.
+const REST_TIME_S: f32 = 0.0083;
+/// What moves is looked at so often, to say where it will end; what is light may leave a finger for so long.
+const WINDOW_S: f32 = 0.025;
 /// However far it may go: what starts to tip gets faster and faster. In m/s and rad/s.
 const SLOW_MAX: [f32; 2] = [0.004, 0.08];
 
@@ -271,14 +273,17 @@ impl Grip<'_> {
         let (physics, procedure) = (self.world.physics, self.world.procedure);
         let mut stepper = self.stepper.clone();
         stepper.jaws.friction *= friction_factor;
+        if physics.shortcuts {
+            stepper.keep_contacts();
+        }
         let before = Placed::of(&stepper);
         // What got more inertia than its own moves under its weight as it would, but more slowly: a pull lasts longer.
         let share = stepper.weight_share(0);
         let slower = if matches!(load, Load::Pull { .. }) { 1.0 / share.sqrt() } else { 1.0 };
         let slow = hold.slow(load.time_s()).map(|speed| speed * share);
-        let rest_steps = physics.steps(REST_TIME_S);
-        // What is light may leave a finger for a moment.
+        let (rest_steps, window) = (physics.steps(REST_TIME_S), physics.steps(WINDOW_S));
         let (mut since_gripped, mut resting, mut motion) = (0, 0, Motion::default());
+        let mut drift = Drift::default();
         let steps = physics.steps(load.time_s() * slower);
         for step in 0..steps {
             let time_s = (step as f32 + 0.5) * physics.dt_s();
@@ -299,11 +304,42 @@ impl Grip<'_> {
             }
             let rests = load.is_steady(time_s) && since_gripped == 0 && stepper.is_slow(0, Vec3::ZERO, slow);
             resting = if rests { resting + 1 } else { 0 };
-            if physics.shortcuts && resting >= rest_steps {
+            let stays = load.is_steady(time_s)
+                && (step + 1) % window == 0
+                && drift.stays(motion, (steps - step - 1) as f32 / window as f32, hold)
+                && since_gripped == 0;
+            if physics.shortcuts && (stays || resting >= rest_steps) {
                 break;
             }
         }
-        Ending { is_held: since_gripped <= rest_steps, motion }
+        Ending { is_held: since_gripped <= window, motion }
+    }
+}
+
+/// How an object has moved under a steady load, in metres and radians.
+#[derive(Default)]
+struct Drift {
+    /// How far it had at most.
+    most: [f32; 2],
+    /// And how far at the ends of the last two windows.
+    last: [[f32; 2]; 2],
+    windows: usize,
+}
+
+impl Drift {
+    /// At the end of a window: whether in the time that is left it comes no further than half as far as it may, if it
+    /// goes on as in this window and its speed goes on to change as between the last two.
+    fn stays(&mut self, motion: Motion, windows_left: f32, hold: &Hold) -> bool {
+        let now = [motion.moved_m, motion.turned_rad];
+        let [last, before] = self.last;
+        self.most = [0, 1].map(|i| self.most[i].max(now[i]));
+        (self.last, self.windows) = ([now, last], self.windows + 1);
+        let comes = [0, 1].map(|i| {
+            let (way, way_before) = (now[i] - last[i], last[i] - before[i]);
+            let change = (way - way_before).abs();
+            self.most[i] + (way.abs() + 0.5 * change * windows_left) * windows_left
+        });
+        self.windows > 1 && comes[0] <= 0.5 * hold.moved_m_max && comes[1] <= 0.5 * hold.turned_rad_max
     }
 }
 

@@ -32,6 +32,9 @@ pub(crate) use shape::{Things, Wide3, span, wide};
 
 /// rapier's damping ratio of contact springs.
 const CONTACT_DAMPING_RATIO: f32 = 10.0;
+/// Bodies whose contacts are kept touch where they did until they have gone this far, in metres: less than fingers sink
+/// in.
+const KEEPS_M: f32 = 0.000_03;
 /// What a contact's `first` is for the table; then come the gripper's boxes, then the four walls, then the fixtures.
 const TABLE: usize = 0;
 const WALLS: usize = 4;
@@ -59,6 +62,11 @@ pub(crate) struct Stepper<'a> {
     bodies: Vec<Body>,
     singles: Contacts<1>,
     doubles: Contacts<2>,
+    /// How far bodies and fingers may go before contacts are looked for anew; until then they go on with the points
+    /// that they have. In metres.
+    keeps_m: f32,
+    /// How far they have gone since contacts were looked for.
+    gone_m: f32,
     /// Axes along which parts of two bodies were apart when last asked.
     apart: Vec<(u64, Vec3)>,
     queue: Vec<usize>,
@@ -142,13 +150,15 @@ impl Body {
         [Vec3::new(x, y, z), first * a + second * b + third * c]
     }
 
-    fn end_step(&mut self, thing: &Thing) {
+    /// Gives how far any of it has gone, at most, in metres.
+    fn end_step(&mut self, thing: &Thing) -> f32 {
         [self.velocity_m_s, self.spin_rad_s] = self.in_world(self.speeds);
         let [way_m, turn_rad] = self.in_world(self.ways);
         self.answer.centre_m += way_m;
         let half = turn_rad * 0.5;
         self.rotation = (Quat::from_xyzw(half.x, half.y, half.z, 1.0) * self.rotation).normalize();
         self.place(thing);
+        way_m.length() + thing.radius_m * turn_rad.length()
     }
 }
 
@@ -224,6 +234,11 @@ impl<'a> Stepper<'a> {
     /// From now on, whatever is free gains `gravity_m_s2` in this frame, which turns besides if `turning` says so.
     pub(crate) fn accelerate(&mut self, gravity_m_s2: Vec3, turning: Option<Turning>) {
         (self.gravity_m_s2, self.turning) = (gravity_m_s2, turning);
+    }
+
+    /// From now on contacts are not looked for while everything stays where it is. Nothing may be asleep.
+    pub(crate) fn keep_contacts(&mut self) {
+        (self.keeps_m, self.gone_m) = (KEEPS_M, f32::INFINITY);
     }
 
     /// Where a finger presses on a body: the middle of the points on the part on which it presses most.
@@ -490,12 +505,20 @@ impl<'a> Stepper<'a> {
 
 impl Bodies for Stepper<'_> {
     fn step(&mut self) {
-        self.find_contacts();
+        if self.gone_m < self.keeps_m {
+            self.singles.iter_mut().for_each(Contact::go_on);
+            self.doubles.iter_mut().for_each(Contact::go_on);
+        } else {
+            self.find_contacts();
+            self.gone_m = 0.0;
+        }
+        let before_m = self.closed_m();
         self.solve();
         for (body, thing) in self.bodies.iter_mut().zip(self.things).filter(|(body, _)| body.is_awake) {
-            body.end_step(thing);
+            self.gone_m += body.end_step(thing);
         }
         self.jaws.end_step(self.step_s);
+        self.gone_m += self.closed_m().iter().zip(before_m).map(|(now, before)| (now - before).abs()).sum::<f32>();
     }
 
     fn pose(&self, object_id: usize) -> Pose {

@@ -281,6 +281,15 @@ impl<const T: usize> Contact<T> {
         sum
     }
 
+    /// The next step with the same points.
+    pub(super) fn go_on(&mut self) {
+        self.gaps_m += self.ways_m[0];
+        (self.ways_m, self.memory.pressed) = ([f32x4::ZERO; 3], f32x4::ZERO);
+        if (self.likely_to_press() ^ self.bearing).any() {
+            self.foresee();
+        }
+    }
+
     /// Whether anything pressed in the last step.
     pub(super) fn presses(&self) -> bool {
         self.memory.pressed.simd_gt(f32x4::ZERO).any()

@@ -42,10 +42,14 @@ pub(in crate::stepper) struct Push<const T: usize> {
 }
 
 impl<const T: usize> Contact<T> {
+    pub(super) fn likely_to_press(&self) -> f32x4 {
+        self.gaps_m.simd_le(f32x4::ZERO) | self.memory.normal.simd_gt(f32x4::ZERO)
+    }
+
     /// Makes the matrices: the sweeps of [`Self::press_each`] and [`Self::rub_each`], without limits, over unit
     /// vectors.
     pub(super) fn foresee(&mut self) {
-        self.bearing = self.gaps_m.simd_le(f32x4::ZERO) | self.memory.normal.simd_gt(f32x4::ZERO);
+        self.bearing = self.likely_to_press();
         let bears = self.bearing.to_array().map(|lane| lane.to_bits() != 0);
         let columns = self.from_normal[0].map(f32x4::to_array);
         let mut rows = [f32x4::ZERO; 4];
