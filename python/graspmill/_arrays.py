@@ -31,14 +31,14 @@ def kind(array: NDArray[Any]) -> str:
 
 
 def must(is_so: object, rule: str, *given: object) -> None:
-    """Refuses what breaks a rule, and shows what was given instead."""
+    # Refuses what breaks a rule, and shows what was given instead.
     if not is_so:
         raise InputError(f"{rule}, got {shown(given[0])}" if given else rule)
 
 
 @contextmanager
 def read_as(rule: str, value: object) -> Iterator[None]:
-    """Refuses what cannot be read as a rule has it."""
+    # Refuses what cannot be read as a rule has it.
     try:
         yield
     except (TypeError, ValueError, OverflowError, RuntimeError, BufferError) as error:
@@ -66,7 +66,7 @@ def listed(name: str, value: Any) -> list[Any]:
 
 
 def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str = "") -> Floats:
-    """An array of finite numbers of this shape (``None``: any length), as float32 in C order; ``what`` the shape means."""
+    # An array of finite numbers of this shape (``None``: any length), as float32 in C order; ``what`` the shape means.
     array = given(name, value)
     if array.shape == (0,) and len(shape) > 1 and shape[0] is None:
         array = np.empty([0 if want is None else want for want in shape])
@@ -83,7 +83,6 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str =
 
 
 def numbered(name: str, value: ArrayLike, shape: Sequence[int | None], end: int, what: str) -> NDArray[np.uint32]:
-    """Numbers of things, of which there are so many, in this shape."""
     array = given(name, value)
     array = array.astype(np.uint32) if array.shape == (0,) else array
     wanted = ", ".join("N" if want is None else str(want) for want in shape)
@@ -125,7 +124,7 @@ def number(name: str, value: Any, low: float, high: float) -> float:
 
 
 def shortest(value: float) -> float:
-    """The shortest decimal that is the same in single precision, as files have it: 0.2, not 0.20000000298."""
+    # The shortest decimal that is the same in single precision, as files have it: 0.2, not 0.20000000298.
     return float(str(np.float32(value)))
 
 
@@ -159,14 +158,14 @@ def table(name: str, value: object) -> dict[Any, Any]:
 
 
 def entry(name: str, value: Mapping[Any, Any]) -> Any:
-    """A value that a mapping must have; ``name`` ends with its key, after a dot."""
+    # A value that a mapping must have; ``name`` ends with its key, after a dot.
     key = name.rpartition(".")[2]
     must(key in value, f"{name} must be in the file, got the keys {shown(list(value)[:8])}")
     return value[key]
 
 
 def numbers(name: str, value: ArrayLike, shape: tuple[int, ...], *, has_gaps: bool = False) -> NDArray[np.float64]:
-    """Numbers of this shape as float64, finite unless some may be missing (NaN)."""
+    # Numbers of this shape as float64, finite unless some may be missing (NaN).
     array = given(name, value)
     is_fit = array.shape == shape and array.dtype.kind in "fiu"
     must(is_fit, f"{name} must be numbers of the shape {list(shape)}, got {kind(array)}")
@@ -178,7 +177,7 @@ def numbers(name: str, value: ArrayLike, shape: tuple[int, ...], *, has_gaps: bo
 
 
 def poses(name: str, value: ArrayLike) -> Floats:
-    """Rigid transforms as ``[N, 7]``, position and unit quaternion x, y, z, w: given so, or as ``[N, 4, 4]``."""
+    # Rigid transforms as ``[N, 7]``, position and unit quaternion x, y, z, w: given so, or as ``[N, 4, 4]``.
     array = given(name, value)
     if array.shape == (0,):
         return np.empty((0, 7), np.float32)
@@ -197,7 +196,7 @@ def poses(name: str, value: ArrayLike) -> Floats:
 
 
 def rigid(name: str, value: ArrayLike, count_max: int) -> NDArray[np.float64]:
-    """Rigid transforms ``[N, 4, 4]`` in double precision, of matrices that may be rough; ``[0]`` is none."""
+    # Rigid transforms ``[N, 4, 4]`` in double precision, of matrices that may be rough; ``[0]`` is none.
     array = given(name, value)
     if array.shape == (0,):
         return np.empty((0, 4, 4))
@@ -214,7 +213,7 @@ def rigid(name: str, value: ArrayLike, count_max: int) -> NDArray[np.float64]:
 
 
 def of_quaternions(name: str, rows: ArrayLike, count_max: int) -> NDArray[np.float64]:
-    """Rigid transforms ``[N, 4, 4]`` in double precision, of positions and unit quaternions x, y, z, w ``[N, 7]``."""
+    # Rigid transforms ``[N, 4, 4]`` in double precision, of positions and unit quaternions x, y, z, w ``[N, 7]``.
     array = given(name, rows)
     is_fit = array.dtype.kind in "fiu" and _fits(array.shape, (None, 7))
     must(is_fit, f"{name} must be numbers of the shape [N, 7], got {kind(array)}")
@@ -223,7 +222,7 @@ def of_quaternions(name: str, rows: ArrayLike, count_max: int) -> NDArray[np.flo
 
 
 def pose(name: str, value: ArrayLike) -> list[float]:
-    """One rigid transform as seven numbers: of a matrix ``[4, 4]``, seven numbers, or a translation ``[3]`` alone."""
+    # One rigid transform as seven numbers: of a matrix ``[4, 4]``, seven numbers, or a translation ``[3]`` alone.
     array = given(name, value, "a pose")
     if array.shape == (3,) and array.dtype.kind in "fiu":
         array = np.concatenate([array, [0.0, 0.0, 0.0, 1.0]])
@@ -232,7 +231,7 @@ def pose(name: str, value: ArrayLike) -> list[float]:
 
 
 def _off(name: str, transforms: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far each of ``[N, 4, 4]`` is from a rigid transform; refuses what is further than ``RIGID_OFF_MAX``."""
+    # How far each of ``[N, 4, 4]`` is from a rigid transform; refuses what is further than ``RIGID_OFF_MAX``.
     if not np.isfinite(transforms).all():
         raise InputError(f"{name} must be finite, got {int((~np.isfinite(transforms)).sum())} values that are not")
     rotations = transforms[:, :3, :3]
@@ -260,7 +259,8 @@ def _check_near(name: str, positions_m: NDArray[Any]) -> None:
 
 
 def are_alike(pose: NDArray[np.float64], others: NDArray[np.float64], apart_m: float, apart_cos: float) -> NDArray[np.bool_]:
-    """Which of ``[N, 4, 4]`` are within a distance of a pose and turned by no more than an angle of this cosine, but for half a turn."""
+    # Which of ``[N, 4, 4]`` are within a distance of a pose and turned by no more than an angle of this cosine, but for
+    # half a turn.
     turns = others[:, :3, :3].transpose(0, 2, 1) @ pose[:3, :3]
     cosines = (np.abs(turns[:, 0, 0] + turns[:, 1, 1]) + turns[:, 2, 2] - 1) / 2
     is_near = np.linalg.norm(others[:, :3, 3] - pose[:3, 3], axis=1) <= apart_m
@@ -268,7 +268,7 @@ def are_alike(pose: NDArray[np.float64], others: NDArray[np.float64], apart_m: f
 
 
 def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit quaternions x, y, z, w, ``[N, 4]``, of rotations ``[N, 3, 3]`` (Shepperd's choice of the largest)."""
+    # Unit quaternions x, y, z, w, ``[N, 4]``, of rotations ``[N, 3, 3]`` (Shepperd's choice of the largest).
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotations.transpose(1, 2, 0)
     trace = xx + yy + zz
     by_largest = [
@@ -282,7 +282,7 @@ def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def matrices(rows: ArrayLike) -> NDArray[np.float64]:
-    """Matrices ``[N, 4, 4]`` of poses ``[N, 7]``."""
+    # Matrices ``[N, 4, 4]`` of poses ``[N, 7]``.
     rows = np.asarray(rows, dtype=np.float64)
     x, y, z, w = (rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)).T
     out = np.zeros((len(rows), 4, 4))

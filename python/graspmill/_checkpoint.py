@@ -26,7 +26,6 @@ _NO_PROGRESS |= {"sums_bits": [0, 0, 0, 0], "best_accuracy_bits": None}
 def save_checkpoint(
     net: nn.Module, path: str | os.PathLike[str], architecture: str, own: Mapping[str, Any], dataset_id: str = UNKNOWN, config: str = RECIPE
 ) -> None:
-    """Writes a network's weights, with what its header has of its ``own``."""
     from safetensors.torch import save
 
     path = _arrays.path("path", path)

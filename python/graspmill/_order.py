@@ -23,16 +23,15 @@ Numbers = NDArray[np.int64]
 
 
 class Drawn(NamedTuple):
-    """A batch by its numbers: its parts, how each sample is mirrored, and the factor of its mean loss (:meth:`Order.taken`)."""
-
+    # A batch by its numbers: its parts, how each sample is mirrored, and the factor of its mean loss
+    # (:meth:`Order.taken`).
     parts: list[Part]
     mirrored: NDArray[np.uint32]
     share: float
 
 
 class Turns(NamedTuple):
-    """The steps of a rank, each with the worker that makes it and the size of its batch."""
-
+    # The steps of a rank, each with the worker that makes it and the size of its batch.
     worker: Numbers
     size: Numbers
 
@@ -67,7 +66,7 @@ class Order:
         return shard, range(at, min(at + BLOCK, end))
 
     def blocks(self, epoch: int, run: int) -> list[Block]:
-        """The blocks of a run of scenes in the epoch's order. Runs have as many samples each, up to those of a scene."""
+        # The blocks of a run of scenes in the epoch's order. Runs have as many samples each, up to those of a scene.
         samples = np.concatenate([[0], np.cumsum(self.counts)])
         low, high = (int(np.searchsorted(samples, -(-int(samples[-1]) * at // self.runs))) for at in (run, run + 1))
         high = len(self.counts) if run + 1 == self.runs else high
@@ -80,7 +79,7 @@ class Order:
         return blocks
 
     def turns(self, epoch: int, workers: int) -> list[Turns]:
-        """The steps of the ranks, or those of all together where they share batches. Each has samples of every rank."""
+        # The steps of the ranks, or those of all together where they share batches. Each has samples of every rank.
         counts = [self._worker_counts(epoch, run, workers) for run in range(self.runs)]
         least = [-(-one // self.batch) for one in counts]
         if self.is_shared:
@@ -92,8 +91,8 @@ class Order:
         return [self._turns(own, made, steps) for own, made in zip(counts, least)]
 
     def taken(self, epoch: int, start: int, worker: int, workers: int) -> Iterator[Drawn]:
-        """The batches of one of this rank's workers from a step on. The mean of the ranks' mean losses is that over all
-        of a step's samples if each is multiplied by the rank's share: its samples times the ranks, over all samples."""
+        # The batches of one of this rank's workers from a step on. The mean of the ranks' mean losses is that over all
+        # of a step's samples if each is multiplied by the rank's share: its samples times the ranks, over all samples.
         turns = self.turns(epoch, workers)
         own = turns[self.rank % self.runs]
         steps = len(own.size)
@@ -113,7 +112,7 @@ class Order:
                 yield Drawn(parts, mirrored, float(own.size[step] * self.ranks / whole[step]))
 
     def left(self, epoch: int, start: int, worker: int, workers: int) -> Numbers:
-        """``[scenes]``: how many samples of each scene :meth:`taken` gives."""
+        # ``[scenes]``: how many samples of each scene :meth:`taken` gives.
         left = np.zeros(len(self.counts), np.int64)
         if start == 0 and not self.is_shared:
             for _, scenes in self.blocks(epoch, self.rank)[worker::workers]:
@@ -140,7 +139,6 @@ class Order:
         return np.array(own)
 
     def _turns(self, counts: Numbers, made: Numbers, steps: int) -> Turns:
-        """The steps of a rank whose workers have so many samples and make at least so many batches."""
         made = made.copy()
         while self.is_even and made.sum() < steps:
             made[int((counts / np.maximum(made, 1)).argmax())] += 1
@@ -163,7 +161,6 @@ class Order:
     def _batches(
         self, blocks: list[Block], dice: np.random.Generator, sizes: Iterable[int]
     ) -> Iterator[tuple[list[Part], NDArray[np.uint32]]]:
-        """Batches of these sizes, which have every sample of the blocks once."""
         remaining = iter(sizes)
         size = room = int(next(remaining, 0))
         held: list[Part] = []
@@ -178,7 +175,6 @@ class Order:
                 room -= len(attempts)
 
     def _groups(self, blocks: list[Block], dice: np.random.Generator) -> Iterator[Part]:
-        """Samples of a scene that stay together, which a buffer shuffles."""
         waiting: list[Part] = []
         for _, scenes in blocks:
             for scene in scenes:
@@ -193,10 +189,10 @@ class Order:
 
 
 def even(count: int, parts: int) -> Numbers:
-    """A number as a sum of so many that differ by at most one."""
+    # A number as a sum of so many that differ by at most one.
     return np.diff(np.arange(parts + 1) * int(count) // max(parts, 1))
 
 
 def full(count: int, batch: int) -> Numbers:
-    """A number as a sum of batches, of which the last may be smaller."""
+    # A number as a sum of batches, of which the last may be smaller.
     return np.diff(np.append(np.arange(0, int(count), batch), count)) if count else np.zeros(0, np.int64)

@@ -91,7 +91,6 @@ class ServedPlanner:
         return f"{self._name}: it plans {self._for}, but --set plan.gripper is {own}" if is_other else None
 
     def __call__(self, look: Look) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Poses, scores and widths of what it answers, without the grasps that failed."""
         objects, rest = look.clouds()
         first, rows = look.cameras[0].workspace_from_camera, [np.empty((0, 9))]
         always = {"num_grasps": GRASPS, "down": look.down.tolist(), "eye_m": [0.0] * 3 if first is None else first[:3, 3].tolist()}
@@ -107,7 +106,6 @@ class ServedPlanner:
         return new[:, :7], new[:, 7], new[:, 8]
 
     def _grasps(self, text: bytes, opening_m: float) -> NDArray[np.float64]:
-        """The grasps of an answer: poses in the clouds' frame with our axes, scores and widths."""
         try:
             grasps = json.loads(text)["grasps"]
             at_m = np.array([_numbers(grasp["translation"], 3) for grasp in grasps]).reshape(-1, 3)

@@ -131,7 +131,6 @@ class VoxelNetwork(nn.Module):
 
 
 def _state_dict(saved: Any) -> dict[str, Tensor]:
-    """The tensors of a saved state dict, without the name prefixes of wrappers."""
     for name in ("state_dict", "model_state_dict", "model"):
         saved = saved.get(name, saved) if isinstance(saved, dict) else saved
     _arrays.must(isinstance(saved, dict), f"the file must hold a state dict, it holds {_arrays.shown(type(saved).__name__)}")

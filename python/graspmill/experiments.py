@@ -182,7 +182,6 @@ def _text(error: Exception) -> str:
 
 
 def _offers(planned: Any, look: Look) -> list[tuple[list[float], float, float | None, float | None]]:
-    """Grasps, the best first: poses, scores, widths and ρ."""
     if isinstance(planned, Plan):
         return list(_of_plan(planned.answer["grasps"], look))
     _arrays.must(isinstance(planned, tuple) and len(planned) in (2, 3), "what planner returns must be a Plan, or poses and scores", planned)

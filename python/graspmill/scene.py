@@ -191,7 +191,6 @@ class Scene(Immutable):
         self._stored: tuple[_native.Dataset, int] | None = None
 
     def _with(self, scene: _native.Scene) -> Scene:
-        """Another native half in the same simulation."""
         made = Scene.__new__(Scene)
         vars(made).update(vars(self), _native=scene)
         return made

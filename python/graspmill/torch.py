@@ -260,7 +260,6 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
             yield self._together(held, drawn)
 
     def _read(self, block: Block, left: Numbers) -> dict[int, _Kept]:
-        """What is left to come of a block."""
         due = [scene for scene in block[1] if left[scene]]
         grids, where, rows = self._samples.read(block[0], due)
         # Copies, for a view would keep the whole block.

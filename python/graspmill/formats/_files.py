@@ -46,14 +46,12 @@ def part(path: Path) -> Path:
 
 
 def finish(path: Path) -> None:
-    """Gives a file that is whole its name, when it is on the disk."""
     with open(part(path), "rb+") as file:
         os.fsync(file.fileno())
     os.replace(part(path), path)
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Writes a file, in a folder that is made if it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part(path).write_bytes(content.encode() if isinstance(content, str) else content)
     finish(path)
@@ -74,7 +72,6 @@ def whole(file: str) -> Iterator[str]:
 
 
 def module(name: str, what: str, extra: str = "grasps") -> Any:
-    """A package that is not required, when it is needed."""
     try:
         return importlib.import_module(name)
     except ImportError as error:
@@ -101,7 +98,6 @@ def loaded_json(path: str) -> Any:
 
 @contextmanager
 def outside(path: Path) -> Iterator[None]:
-    """Raises errors of the system as ours: a wrong path, or a disk that fails."""
     try:
         yield
     except OSError as error:

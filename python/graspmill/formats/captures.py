@@ -76,7 +76,6 @@ def _pcd(data: bytes) -> tuple[NDArray[np.float64], list[float]]:
 
 
 def _points(body: bytes, count: int, fields: list[tuple[str, str, int]], order: str) -> NDArray[np.float64]:
-    """The x, y, z of so many points, of rows with these fields (name, type, how many)."""
     floats = {name: at for at, (name, kind, times) in enumerate(fields) if kind in ("f4", "f8") and times == 1}
     if not {*"xyz"} <= floats.keys():
         raise ValueError("its points must have x, y and z, floats of 4 or 8 bytes")

@@ -40,7 +40,6 @@ def check(info: dict[str, Any]) -> None:
 
 
 def write(dataset: Dataset, folder: Path, done: Callable[[int], None]) -> dict[str, int]:
-    """Writes the tables, and the grids that are not there; returns counts."""
     info, native = dataset.info, dataset._native
     grid, gripper = info["grid"], info["gripper"]
     size_m, opening_m, finger_m = np.array([grid["size_m"], gripper["opening_m_max"], gripper["finger_length_m"]], np.float32)

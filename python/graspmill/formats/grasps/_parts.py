@@ -28,7 +28,6 @@ class GripperFrame:
     gripper: dict[str, Any] = field(default_factory=dict)
 
     def known_m(self, otherwise_m: float | None, what: str) -> float:
-        """From the gripper's base to its tips, of the caller or else of the file."""
         known_m = otherwise_m if self.base_to_tips_m is None else self.base_to_tips_m
         if known_m is None:
             raise InputError(f"base_to_tips_m or gripper must be given: {what} does not say where the tips of the gripper are")
@@ -45,7 +44,6 @@ def from_base(object_from_base: Numbers, base_to_tips_m: float, closing_axis: Ax
 
 
 def to_base(object_from_grasp: Numbers, base_to_tips_m: float, closing_axis: Axis) -> Numbers:
-    """Poses ``[N, 4, 4]`` of the gripper's base."""
     bases = object_from_grasp.copy()
     if closing_axis == "x":  # their x = our y, their y = our −x
         bases[:, :3, 0], bases[:, :3, 1] = object_from_grasp[:, :3, 1], -object_from_grasp[:, :3, 0]
@@ -54,7 +52,6 @@ def to_base(object_from_grasp: Numbers, base_to_tips_m: float, closing_axis: Axi
 
 
 def word(name: str, value: object) -> str:
-    """A text of a file, which HDF5 gives as bytes."""
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")
     _arrays.must(isinstance(value, str), f"{name} must be a text", value)
@@ -68,7 +65,6 @@ def stem(path: str) -> str:
 
 
 def about(of: str, gripper: Mapping[str, Any], **thing: Any) -> dict[str, Any]:
-    """What is known besides the grasps, with the keys of ``NAME.json``."""
     known = {key: value for key, value in gripper.items() if value is not None}
     return {"format": of, "object": thing, "gripper": known}
 
@@ -85,7 +81,6 @@ def good(grasps: ObjectGrasps) -> ObjectGrasps:
 
 
 def part(grasps: ObjectGrasps, name: str) -> dict[str, Any]:
-    """What a set knows of its object, or of its gripper."""
     return _arrays.table(f"info.{name}", grasps.info.get(name, {}))
 
 

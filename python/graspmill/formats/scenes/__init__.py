@@ -21,7 +21,6 @@ FORMATS = {"mjcf": mjcf, "urdf": urdf, "usda": usda}
 
 
 def export_scene(dataset: _native.Dataset, info: dict[str, Any], scene_id: int, form: str, folder: Path) -> dict[str, Any]:
-    """Writes a scene's files into a folder, which is made if it does not exist; returns the scene's rows."""
     _arrays.must(form in FORMATS, f"format must be one of {', '.join(FORMATS)}, got {json.dumps(form)}")
     _arrays.must(not folder.is_file(), f"the scene must go to a folder, got a file: {folder}")
     world = World(dataset, info, scene_id)
@@ -33,7 +32,6 @@ def export_scene(dataset: _native.Dataset, info: dict[str, Any], scene_id: int, 
 def write(
     dataset: _native.Dataset, info: dict[str, Any], form: str, scenes: list[int], folder: Path, done: Callable[[int], None]
 ) -> dict[str, int]:
-    """Writes the scenes that are not there; returns counts."""
     counts = dict.fromkeys(("attempts", "positives", "scenes"), 0)
     for scene_id in scenes:
         path = folder / f"scene-{scene_id:09}"

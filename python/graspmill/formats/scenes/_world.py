@@ -154,7 +154,6 @@ def _named(name: str, parts: Sequence[Box | Hull]) -> Parts:
 
 
 def _gripper_parts(gripper: dict[str, np.float32], stroke_m: np.float32) -> list[Body]:
-    """The palm and the fingers (−y, then +y), open."""
     palm, finger = (
         singles(*(gripper[f"{part}_{side}_m"] for side in sides)) / Single(2)
         for part, sides in (("palm", ("width", "breadth", "length")), ("finger", ("width", "thickness", "length")))

@@ -109,7 +109,6 @@ def _scene(world: World) -> list[str]:
 
 
 def _gripper(world: World) -> list[str]:
-    """A palm with two fingers that slide, as in :mod:`.mjcf`."""
     prims = [_prim("Scope", "materials", [], _material("hand", world.gripper_parts[0].friction))]
     prims += [_body(body, _shape("box", body.parts[body.name], "/hand/materials/hand")) for body in world.gripper_parts]
     # A joint slides along its frames' +y; half a turn about z makes that the workspace's −y.

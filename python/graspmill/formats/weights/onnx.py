@@ -71,7 +71,6 @@ class _Graph:
         return self.node("Relu", [self.convolution(layer, x, f"{layer}.conv")], f"{layer}.relu")
 
     def normalised(self, layer: str, x: str, output: str) -> None:
-        """A layer's answers as vectors of length 1, along the channels."""
         raw = self.convolution(layer, x, f"{output}.raw")
         squared = self.node("ReduceSumSquare", [raw], f"{output}.norm_squared", axes=[1], keepdims=1)
         held = self.node("Max", [squared, "norm_squared_min"], f"{output}.norm_squared_held")
