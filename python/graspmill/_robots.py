@@ -5,7 +5,7 @@ import re
 import struct
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import Any, Iterable
+from typing import Any, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,11 @@ Floats = NDArray[np.float64]
 
 #: Independent joints of a gripper, each of which is tried at both of its limits.
 JOINTS_MAX = 8
+#: What can be done meanwhile.
+ONE_JAW = (
+    "Jaws of which one stands still and one turns (SO-100, SO-101, Koch) are not read: measure them as open as you use them,"
+    " and write a gripper file with two fingers as large as the larger jaw (docs/gripper-file.md)"
+)
 #: Seconds for which the actuators of a linkage move it.
 DRIVEN_S = 3.0
 #: Flat sides of what is round, as in the simulation (``FACETS`` of ``schema/src/solid.rs``).
@@ -32,22 +37,26 @@ def mujoco_module() -> Any:
 
 
 def mesh_file(name: str, folder: Path) -> Path:
-    """The file that a URDF names. A package is looked for in the folders above."""
-    if not name.startswith("package://"):
-        return folder / name.removeprefix("file://")
-    inside = Path(name.removeprefix("package://"))
-    ways = [inside, Path(*inside.parts[1:])]
+    # The file that a URDF names. It is looked for in the folders above, too, as packages are.
+    inside = Path(name.removeprefix("file://").removeprefix("package://"))
+    ways = [inside, Path(*inside.parts[1:])] if name.startswith("package://") else [inside]
     places = [above / way for above in [folder, *folder.resolve().parents] for way in ways]
-    return next((place for place in places if place.is_file()), folder / ways[1])
+    return next((place for place in places if place.is_file()), folder / ways[-1])
 
 
-def urdf_model(path: Path) -> tuple[Any, dict[str, tuple[str, float, float]]]:
-    """A model of a URDF's collision shapes, and its mimic joints: master, factor and offset."""
+def root_of(path: Path) -> ET.Element:
     try:
-        robot = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise InputError(f"{path} must be a URDF, got {error}") from error
-    _arrays.must(robot.tag == "robot", f"{path} must be a URDF whose outermost element is robot, got {robot.tag}")
+        root = ET.parse(path).getroot()
+    except (OSError, ET.ParseError) as error:
+        raise InputError(f"{path} must be a URDF or an MJCF file, got {error}") from error
+    is_xacro = any("xacro}" in one.tag or "${" in " ".join(one.attrib.values()) for one in root.iter()) or path.suffix == ".xacro"
+    _arrays.must(not is_xacro, f"{path} must be expanded by xacro before: xacro {path.name} > expanded.urdf")
+    _arrays.must(root.tag in ("robot", "mujoco"), f"{path} must be a URDF (robot) or an MJCF file (mujoco), got {root.tag}")
+    return root
+
+
+def urdf_model(path: Path, robot: ET.Element) -> tuple[Any, dict[str, tuple[str, float, float]], list[str]]:
+    # A model of a URDF's collision shapes, its mimic joints (master, factor and offset), and what was mended.
     for old in robot.findall("mujoco"):
         robot.remove(old)
     options = ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler")
@@ -74,19 +83,35 @@ def urdf_model(path: Path) -> tuple[Any, dict[str, tuple[str, float, float]]]:
                 raise InputError(f"the mesh of link {link.get('name')} cannot be read: {file}: {error}") from error
             mesh.set("filename", name := f"{len(assets)}{'.stl' if ending == '.dae' else ending}")
             assets[name] = data
-    mimics = {}
+    mimics, notes = _joints(robot)
+    return _compiled(path, ET.tostring(robot, encoding="unicode"), assets), mimics, notes
+
+
+def _joints(robot: ET.Element) -> tuple[dict[str, tuple[str, float, float]], list[str]]:
+    # Takes the mimics from the joints, mends what MuJoCo refuses, and says what it mended.
+    links, mimics, notes = {link.get("name") for link in robot.findall("link")}, {}, []
     for joint in robot.findall("joint"):
-        for again in joint.findall("limit")[1:]:  # MuJoCo refuses what ROS reads
+        name, ends = joint.get("name", ""), [of.get("link") for kind in ("parent", "child") for of in joint.findall(kind)]
+        if missing := [end for end in ends if end not in links]:  # a part of a robot
+            notes.append(f"joint {name} is left out: there is no link {missing[0]}")
+            robot.remove(joint)
+        for again in joint.findall("limit")[1:]:  # ROS reads the first one
             joint.remove(again)
+        for limit in joint.findall("limit"):
+            lower, upper = (_arrays.number(f"joint {name} {end}", limit.get(end, "0"), -1e9, 1e9) for end in ("lower", "upper"))
+            if lower > upper:
+                notes.append(f"joint {name} has its lower limit, {lower:g}, above its upper one, {upper:g}: they are swapped")
+                limit.attrib |= {"lower": str(upper), "upper": str(lower)}
         if (mimic := joint.find("mimic")) is not None:
-            factor, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
-            mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
+            parts = (("multiplier", "1"), ("offset", "0"))
+            factor, offset = (_arrays.number(f"joint {name} {key}", mimic.get(key, of), -1e9, 1e9) for key, of in parts)
+            mimics[name] = (mimic.get("joint", ""), factor, offset)
             joint.remove(mimic)
-    return _compiled(path, ET.tostring(robot, encoding="unicode"), assets), mimics
+    return mimics, notes
 
 
 def _collada(data: bytes) -> Floats:
-    """The triangles of a COLLADA file, [N, 3, 3] in metres, its z up."""
+    # The triangles of a COLLADA file, [N, 3, 3] in metres. As RViz, Gazebo and MoveIt do, ``up_axis`` is ignored.
     root = ET.fromstring(data)
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
@@ -100,6 +125,8 @@ def _collada(data: bytes) -> Floats:
 
     def corners(mesh: ET.Element) -> Floats:
         found = []
+        if other := [part.tag for part in mesh if part.tag in ("polygons", "trifans", "tristrips")]:
+            raise ValueError(f"it has {other[0]}; make them triangles")
         for kind in ("triangles", "polylist"):
             for part in mesh.findall(kind):
                 inputs = {one.get("semantic"): one for one in part.findall("input")}
@@ -130,12 +157,11 @@ def _collada(data: bytes) -> Floats:
             here = here @ move
         meshes = [of(one.get("url")).find("mesh") for one in node.findall("instance_geometry")]
         own = [corners(mesh) @ here[:3, :3].T + here[:3, 3] for mesh in meshes if mesh is not None]
-        return own + [part for child in node.findall("node") for part in placed(child, here)]
+        inner = node.findall("node") + [of(one.get("url")) for one in node.findall("instance_node")]
+        return own + [part for child in inner for part in placed(child, here)]
 
-    unit, up = root.find("asset/unit"), root.findtext("asset/up_axis", "Y_UP")
+    unit = root.find("asset/unit")
     whole = np.eye(4) * (1.0 if unit is None else float(unit.get("meter", "1")))
-    if up == "Y_UP":
-        whole = whole @ np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     parts = [part for scene in root.iter("visual_scene") for node in scene.findall("node") for part in placed(node, whole)]
     if not parts:
         raise ValueError("it must have a scene with triangles")
@@ -160,38 +186,44 @@ def _compiled(path: Path, text: str | None, assets: dict[str, bytes] | None) -> 
 
 
 class GripperModel:
-    """A compiled description, and which of its shapes belong to which finger."""
-
-    def __init__(self, path: Path, fingers: tuple[str, str], flange: str | None) -> None:
-        self.mujoco, self.path = mujoco_module(), path
-        self.model, self.mimics = urdf_model(path) if path.suffix.lower() == ".urdf" else (_compiled(path, None, None), {})
+    def __init__(self, path: Path, fingers: tuple[str, str], flange: str | None, without: Sequence[str] = ()) -> None:
+        self.mujoco, self.path, root = mujoco_module(), path, root_of(path)
+        self.model, self.mimics, self.notes = urdf_model(path, root) if root.tag == "robot" else (_compiled(path, None, None), {}, [])
         self.data = self.mujoco.MjData(self.model)
         self.mujoco.mj_kinematics(self.model, self.data)
         self.fingers, self.flange = [self.body(name) for name in fingers], None if flange is None else self.body(flange)
         ways = [self.way(body) for body in self.fingers]
-        if self.fingers[0] in ways[1] or self.fingers[1] in ways[0]:
-            raise InputError(f"fingers must be two links that move apart, got {fingers[0]} and {fingers[1]}, of which one carries the other")
+        rule = f"fingers must be two links that move apart, got {fingers[0]} and {fingers[1]}, of which one carries the other"
+        _arrays.must(self.fingers[0] not in ways[1] and self.fingers[1] not in ways[0], f"{rule}: {path}. {ONE_JAW}")
         self.root = self.palm = next(body for body in ways[0] if body in ways[1])
         while self.root and self.model.body_parentid[self.root] and not self.model.body_jntnum[self.root]:
             self.root = int(self.model.body_parentid[self.root])
         bodies = [body for body in range(self.model.nbody) if self.root in self.way(body)]
         self.joints = [joint for joint in range(self.model.njnt) if self.model.jnt_bodyid[joint] in bodies and self.model.jnt_bodyid[joint] != self.root]
-        for name, way in zip(fingers, ways):
-            if not any(self.model.jnt_bodyid[joint] in way for joint in self.joints):
-                raise InputError(f"no joint moves {name} against the palm {self.name(self.root)}: {path}")
-        self.geoms = [geom for geom in range(self.model.ngeom) if self.model.geom_bodyid[geom] in bodies]
+        for name, body in zip(fingers, self.fingers):
+            _arrays.must(self.moves(body), f"no joint moves {name} against the palm {self.name(self.root)}: {path}. {ONE_JAW}")
+        left_out = self._left_out(without)
+        self.geoms = [geom for geom in range(self.model.ngeom) if self.model.geom_bodyid[geom] in set(bodies) - left_out]
         colliding = [geom for geom in self.geoms if self.model.geom_contype[geom] | self.model.geom_conaffinity[geom]]
         self.geoms = colliding or self.geoms
         carriers = [self.way(self.model.geom_bodyid[geom]) for geom in self.geoms]
-        #: Of each shape the finger that it belongs to: what its link carries.
+        # Of each shape the finger that it belongs to: what its link carries.
         self.sides = [next((side for side in (0, 1) if self.fingers[side] in way), None) for way in carriers]
-        for name, side in zip(fingers, (0, 1)):
-            _arrays.must(side in self.sides, f"{name} must have a shape, and none of its links has: {path}")
+        for name, way, side in zip(fingers, ways, (0, 1)):
+            others = ", ".join(map(self.name, way[1:]))
+            _arrays.must(side in self.sides, f"{name} must have a shape, and none of its links has (it is carried by {others}): {path}")
 
     def body(self, name: str) -> int:
         names = [self.name(body) for body in range(self.model.nbody)]
-        _arrays.must(name in names, f"no link is called {_arrays.shown(name)}; there are {', '.join(names[1:])}: {self.path}")
+        _arrays.must(name in names, f"no link is called {_arrays.shown(name)}; there are {', '.join(names[1:]) or 'none'}: {self.path}")
         return names.index(name)
+
+    def _left_out(self, without: Sequence[str]) -> set[int]:
+        # The links whose shapes do not count: those named, and Franka's coarse ones, which protect it from itself.
+        meshes = {self.name(body) for body in self.model.geom_bodyid[self.model.geom_type == self.mujoco.mjtGeom.mjGEOM_MESH]}
+        coarse = [name for name in map(self.name, range(self.model.nbody)) if name.endswith("_sc") and name[:-3] in meshes]
+        self.notes += [f"{name} is left out, for {name[:-3]} has the finer shapes" for name in coarse]
+        return {self.body(name) for name in [*without, *coarse]}
 
     def name(self, body: int) -> str:
         return str(self.model.body(body).name)
@@ -202,16 +234,8 @@ class GripperModel:
     def moves(self, body: int) -> bool:
         return any(self.model.jnt_bodyid[joint] in self.way(body) for joint in self.joints)
 
-    def must_have_no_other_finger(self, are_near: list[bool]) -> None:
-        """Refuses a gripper of which another part moves beside the tips; what carries a finger is its own."""
-        own = {body for finger in self.fingers for body in self.way(finger)}
-        for geom, side, is_near in zip(self.geoms, self.sides, are_near):
-            body = int(self.model.geom_bodyid[geom])
-            if is_near and side is None and body not in own and self.moves(body):
-                raise InputError(f"a gripper must have two fingers, and {self.name(body)} moves beside their tips, too: {self.path}")
-
     def states(self) -> list[Floats]:
-        """Positions of all joints that are tried: as the description has them, and at their limits."""
+        # Positions of all joints that are tried: as the description has them, and at their limits.
         model, kinds = self.model, self.mujoco.mjtEq
         states, equal = [self.data.qpos.copy()], {}
         if {int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)} & {int(kind) for kind in model.eq_type}:
@@ -224,11 +248,18 @@ class GripperModel:
                 equal[int(model.joint(name).id)] = (int(model.joint(leader).id), np.array([offset, factor, 0, 0, 0]))
             except KeyError as error:
                 raise InputError(f"joint {name} mimics {leader}, which is no joint that moves: {self.path}") from error
+        carriers = [body for finger in self.fingers for body in self.way(finger)]
+        moving = [joint for joint in self.joints if model.jnt_bodyid[joint] in carriers]
+        for joint in moving:  # and the joints that they mimic
+            moving += [equal[joint][0]] if joint in equal and equal[joint][0] not in moving else []
         free = [joint for joint in self.joints if joint not in equal]
         rule = f"a gripper must have 1 to {JOINTS_MAX} joints that mimic no other, got {len(free)}: {self.path}"
         _arrays.must(0 < len(free) <= JOINTS_MAX, rule)
+        if beside := [model.joint(joint).name for joint in free if joint not in moving]:
+            self.notes.append(f"no finger moves with joint {', '.join(beside)}, which stays as the description has it")
+        free = [joint for joint in sorted(moving) if joint not in equal]
         for joint in free:
-            _arrays.must(model.jnt_limited[joint], f"joint {model.joint(joint).name} must have limits: {self.path}")
+            _arrays.must(model.jnt_limited[joint], f"joint {model.joint(joint).name} moves a finger, and so must have limits: {self.path}")
         for ends in itertools.product((0, 1), repeat=len(free)):
             state = self.data.qpos.copy()
             for one, end in zip(free, ends):
@@ -240,7 +271,7 @@ class GripperModel:
         return states
 
     def _driven(self) -> list[Floats]:
-        """The joints of a linkage that closes on itself: where its actuators bring it, without gravity or contacts."""
+        # The joints of a linkage that closes on itself: where its actuators bring it, without gravity or contacts.
         model, states = self.model, []
         model.opt.gravity[:] = 0.0
         model.opt.disableflags |= int(self.mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -254,14 +285,13 @@ class GripperModel:
         return states
 
     def shapes(self, state: Floats) -> list[Floats]:
-        """The triangles of each shape, [N, 3, 3], in the world, with the joints so."""
         self.data.qpos[:] = state
         self.mujoco.mj_kinematics(self.model, self.data)
         return [triangles_of(self.model, self.data, geom) for geom in self.geoms]
 
 
 def surface_of(model: Any, geoms: Iterable[int]) -> Floats:
-    """The triangles of some shapes, [N, 3, 3], with the joints as the description has them."""
+    # The triangles of some shapes, [N, 3, 3], with the joints as the description has them.
     mujoco = mujoco_module()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -271,7 +301,8 @@ def surface_of(model: Any, geoms: Iterable[int]) -> Floats:
 
 
 def triangles_of(model: Any, data: Any, geom: int, sides: int = 4) -> Floats:
-    """The triangles of a shape, [N, 3, 3], in the world. What is round has so many flat sides; of 4 it is the box around it."""
+    # The triangles of a shape, [N, 3, 3], in the world. What is round has so many flat sides; of 4 it is the box around
+    # it.
     kinds = mujoco_module().mjtGeom
     kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
     if kind == kinds.mjGEOM_MESH:
@@ -294,14 +325,14 @@ def triangles_of(model: Any, data: Any, geom: int, sides: int = 4) -> Floats:
 
 
 def _ball(radius: float, half: float, sides: int) -> tuple[Floats, Floats]:
-    """Radii and heights of a ball's rings, its halves apart along z: a capsule."""
+    # Radii and heights of a ball's rings, its halves apart along z: a capsule.
     up = np.linspace(0, np.pi / 2, sides // 4 + 1)
     across, height = radius * np.cos(up).round(12), radius * np.sin(up) + half
     return np.append(across[::-1], across), np.append(-height[::-1], height)
 
 
 def _turned(radii: Floats, heights: Floats, sides: int) -> Floats:
-    """The triangles of rings about z, from the lowest to the highest."""
+    # The triangles of rings about z, from the lowest to the highest.
     angles = np.arange(sides) * (2 * np.pi / sides)
     round_z = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides)], axis=1).round(12)
     rings = radii[:, None, None] * round_z + heights[:, None, None] * np.array([0, 0, 1])

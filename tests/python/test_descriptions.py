@@ -3,6 +3,7 @@
 import struct
 import sys
 import tomllib
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -25,6 +26,10 @@ URDF = """<robot name="gripper"><link name="base">{palm}</link>
   <limit lower="-0.03" upper="0.03" effort="10" velocity="0.1"/>{mimic}</joint></robot>"""
 MIMIC = '<mimic joint="drive" multiplier="-1"/>'
 PALM, JAW = np.array([0.04, 0.12, 0.06]), np.array([0.01, 0.008, 0.04])
+#: A sphere around everything, and a link at a tip.
+COARSE = """<link name="hull"><collision><geometry><sphere radius="0.08"/></geometry></collision></link>
+<joint name="around" type="fixed"><parent link="base"/><child link="hull"/><origin xyz="0 0 0.04"/></joint>"""
+TIP = '<link name="tip"/><joint name="at" type="fixed"><parent link="left"/><child link="tip"/></joint>'
 
 
 def shape(size, at):
@@ -54,8 +59,8 @@ def stl(size):
 
 
 def collada(size):
-    """In millimetres, with y up, as many are."""
-    corners, faces = box_triangles(1e3 * np.asarray(size)[[0, 2, 1]])
+    """In millimetres; it says that y is up, which no program for robots heeds."""
+    corners, faces = box_triangles(1e3 * size)
     numbers = " ".join(f"{corner} 0" for face in faces for corner in face)
     return f"""<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"><asset><unit meter="0.001"/><up_axis>Y_UP</up_axis></asset>
     <library_geometries><geometry id="g"><mesh><source id="s"><float_array>{" ".join(map(str, corners.ravel()))}</float_array></source>
@@ -98,9 +103,11 @@ def test_meshes_are_followed_also_those_of_packages(tmp_path, ending, of):
     path = urdf(
         tmp_path / "my_gripper" / "urdf",
         palm=mesh(f"package://my_gripper/meshes/palm.{ending}", (0, 0, 0.03)),
-        jaw=mesh(f"../meshes/jaw.{ending}", (0, 0, 0.02)),
+        jaw=mesh(f"meshes/jaw.{ending}", (0, 0, 0.02)),  # which is in the folder above
+        more=COARSE.replace("hull", "base_sc"),
     )
     boxes = from_description(path, FINGERS)
+    assert boxes.notes == ("base_sc is left out, for base has the finer shapes",)
     assert np.allclose(sizes(boxes), EXPECTED, atol=6e-4) and np.isclose(boxes.opening_m_max, 0.062)
 
 
@@ -132,20 +139,66 @@ THIRD = f"""<link name="thumb">{shape(JAW, (0.03, 0, 0.02))}</link><joint name="
     ({}, ("left", "thumb"), "no link is called 'thumb'; there are base, left, right"),
     ({}, ("left",), "fingers must be two links, got 1"),
     ({}, ("left", "right", "base"), "fingers must be two links, got 3"),
-    ({}, ("left", "base"), "of which one carries the other"),
+    ({}, ("left", "base"), "and write a gripper file with two fingers as large as the larger jaw"),
+    ({"kind": "continuous", "mimic": ""}, FINGERS, "joint follow moves a finger, and so must have limits"),
+    ({"more": COARSE}, FINGERS, "and hull reaches 20 mm beyond the tips"),
+    ({"more": COARSE.replace("0.08", "0.05")}, FINGERS, "and hull reaches to 10 mm behind the tips"),
+    ({"more": TIP}, ("tip", "right"), "it is carried by left, base, world"),
+    ({"jaw": shape(("${width}", 1, 1), (0, 0, 0))}, FINGERS, "must be expanded by xacro before: xacro gripper.urdf > expanded.urdf"),
     ({"more": THIRD}, FINGERS, "a gripper must have two fingers, and thumb moves beside their tips"),
     ({"kind": "fixed", "mimic": ""}, FINGERS, "no joint moves right"),
     ({"mimic": '<mimic joint="nothing"/>'}, FINGERS, "joint follow mimics nothing"),
     ({"jaw": mesh("jaw.stl", (0, 0, 0))}, FINGERS, "the mesh of link left cannot be read"),
     ({"jaw": mesh("jaw.ply", (0, 0, 0))}, FINGERS, "must be STL, OBJ, MSH or DAE"),
     ({"jaw": ""}, FINGERS, "left must have a shape"),
-    ({"jaw": "<what"}, FINGERS, "must be a URDF, got"),
+    ({"jaw": "<what"}, FINGERS, "must be a URDF or an MJCF file, got"),
 ])  # fmt: skip
 def test_what_is_no_gripper_is_named(tmp_path, made, fingers, why, capsys):
     path = urdf(tmp_path, **made)
     refused(why, lambda: from_description(path, fingers))
     assert main([str(path), "--fingers", ",".join(fingers)]) == 78
     assert why in capsys.readouterr().err
+
+
+PROPELLER = f"""<link name="disc">{shape((0.02, 0.02, 0.002), (0, 0, 0))}</link>
+  <joint name="propeller" type="continuous"><parent link="base"/><child link="disc"/><origin xyz="0 0 0.03"/><axis xyz="0 0 1"/></joint>"""
+MOUNT = '<joint name="mount" type="fixed"><parent link="wrist"/><child link="base"/></joint>'
+POST = f"""<link name="post">{shape((0.01, 0.01, 0.2), (0, 0, 0))}</link><joint name="at" type="fixed"><parent link="base"/>
+  <child link="post"/><origin xyz="0.1 0 -0.04"/></joint>"""
+
+
+@pytest.mark.parametrize(("more", "change", "without", "told"), [
+    (PROPELLER, ("", ""), (), "no finger moves with joint propeller, which stays as the description has it"),
+    (MOUNT, ("", ""), (), "joint mount is left out: there is no link wrist"),
+    ("", ('lower="0" upper="0.03"', 'lower="0.03" upper="0"'), (), "lower limit, 0.03, above its upper one, 0: they are swapped"),
+    (COARSE, ("", ""), ["hull"], None),
+])  # fmt: skip
+def test_what_is_beside_the_fingers_is_passed_over_and_said(tmp_path, more, change, without, told):
+    path = urdf(tmp_path, more=more)
+    path.write_text(path.read_text().replace(*change))
+    boxes = from_description(path, FINGERS, without=without)
+    assert np.allclose(sizes(boxes), EXPECTED, atol=6e-4) and np.isclose(boxes.opening_m_max, 0.062)
+    assert [told in note for note in boxes.notes] == [True] if told else boxes.notes == ()
+
+
+def test_what_boxes_do_not_have_is_said(tmp_path):
+    """Jaws on slanted rails, whose tips come forwards by 0.2 of their way, and a palm with a post far beside it."""
+    path = urdf(tmp_path, more=POST)
+    for axis, slanted in (("0 1 0", "0 1 -0.2"), ("0 1 0\"", "0 1 0.2\"")):
+        path.write_text(path.read_text().replace(axis, slanted, 1))
+    come, large = from_description(path, FINGERS).notes
+    assert come.startswith("as the jaws close, their tips move 6 mm forwards along z") and large.startswith("the boxes are")
+    assert from_description(path, FINGERS, without=["post"]).notes == (come,)
+
+
+def test_a_picture_has_the_shapes_within_the_boxes(tmp_path):
+    boxes = from_description(urdf(tmp_path), FINGERS)
+    for group, axis in zip(ET.fromstring(boxes.picture()).findall("{*}g"), (1, 0), strict=True):
+        drawn = [[float(part.get(key)) for key in ("x", "y", "width", "height")] for part in group.findall("{*}rect")]
+        low, high = np.min(drawn, axis=0)[:2], np.max([np.add(box[:2], box[2:]) for box in drawn], axis=0)
+        points = np.array(" ".join(part.get("points") for part in group.findall("{*}polygon")).split(), float).reshape(-1, 2)
+        assert np.allclose([points.min(axis=0), points.max(axis=0)], [low, high], atol=1) and len(drawn) == 2 + axis
+        assert np.isclose(high[0] - low[0], 1e3 * [boxes.palm_width_m, boxes.palm_breadth_m][axis])
 
 
 def test_a_gripper_that_never_opens_is_named(tmp_path):
@@ -155,9 +208,10 @@ def test_a_gripper_that_never_opens_is_named(tmp_path):
 
 
 def test_the_command_writes_a_file(tmp_path):
-    words = [sys.executable, "-m", "graspmill.descriptions", urdf(tmp_path), "--fingers", "left,right", "--out", "mine.toml"]
+    words = [sys.executable, "-m", "graspmill.descriptions", urdf(tmp_path, more=PROPELLER), "--fingers", "left,right", "--out", "mine.toml"]
+    words += ["--without", "disc", "--picture", "mine.svg"]
     said = ran(*words, "--mass", "0.05", "--force", "20", "--speed", "0.1", cwd=tmp_path).stdout
-    assert "opening_m_max           62.0 mm" in said
+    assert "opening_m_max           62.0 mm" in said and "no finger moves with joint propeller" in said and (tmp_path / "mine.svg").exists()
     read = tomllib.loads((tmp_path / "mine.toml").read_text())
     assert read["name"] == "mine" and np.isclose(read["opening_m_max"], 0.062) and read["finger_force_n"] == 20.0
     loaded = graspmill.Gripper.load(tmp_path / "mine.toml")

@@ -15,7 +15,7 @@ from typing import Any, Iterable, Iterator
 import numpy as np
 
 from .. import _arrays, _native
-from .._robots import Floats, mesh_file, mujoco_module, stl, surface_of, urdf_model
+from .._robots import Floats, mesh_file, mujoco_module, root_of, stl, surface_of, urdf_model
 from ..errors import InputError
 
 #: Most elements of a model, with those that ``replicate`` makes: MuJoCo needs minutes for more, and cannot be stopped.
@@ -25,19 +25,19 @@ _MODEL = re.compile(rb"<mujoco[\s>]")
 
 
 def urdf(path: Path, parts: list[Path]) -> tuple[Floats, float | None]:
-    """The collision shapes of all links, of a link without any its visual ones, and the sum of the links' masses."""
-    robot = ET.parse(path).getroot()
+    # The collision shapes of all links, of a link without any its visual ones, and the sum of the links' masses.
+    robot = root_of(path)
     parts += [mesh_file(mesh.get("filename", ""), path.parent) for mesh in robot.iter("mesh")]
     masses = [float(mass.get("value", "")) for mass in robot.iterfind("link/inertial/mass")]
     if wrong := [mass for mass in masses if not 0 <= mass < np.inf]:
         raise InputError(f"the mass of a link must be 0 or more, got {wrong[0]}")
-    model, _ = urdf_model(path)
+    model, _, _ = urdf_model(path, robot)
     return surface_of(model, range(model.ngeom)), sum(masses) or None
 
 
 def mjcf(path: Path, parts: list[Path]) -> tuple[Floats, float | None]:
-    """The shapes of all bodies that collide (if none does, all), and MuJoCo's mass; of the world, an object's
-    surroundings, only if there are no bodies."""
+    # The shapes of all bodies that collide (if none does, all), and MuJoCo's mass; of the world, an object's
+    # surroundings, only if there are no bodies.
     with suppress(ET.ParseError):  # MuJoCo says what is wrong
         _arrays.must((count := _count(ET.parse(path).getroot())) <= ELEMENTS_MAX, f"a model has at most {ELEMENTS_MAX} elements, got {count}")
     mujoco = mujoco_module()
@@ -66,8 +66,8 @@ FORMATS = {".urdf": urdf, ".xml": mjcf}
 
 @contextmanager
 def described(places: Iterable[str]) -> Iterator[str | None]:
-    """Reads the descriptions among files and in folders. Gives the path of a file for the native import
-    (``generator/src/import/described.rs``), or ``None`` without descriptions."""
+    # Reads the descriptions among files and in folders. Gives the path of a file for the native import
+    # (``generator/src/import/described.rs``), or ``None`` without descriptions.
     files = {os.path.realpath(file): file for place in places for file in _descriptions(place)}
     if not files:
         yield None
@@ -81,7 +81,6 @@ def described(places: Iterable[str]) -> Iterator[str | None]:
 
 
 def run_native(words: list[str]) -> int:
-    """Runs the native command of these words, with the descriptions among them and in folders; its exit code."""
     with described(word for word in words[2:] if not word.startswith("-")) as listed:
         more = [] if listed is None else ["--described", listed]
         return _native.run_program(["graspmill", *words[:2], *more, *words[2:]])
@@ -102,7 +101,6 @@ def _descriptions(place: str) -> Iterator[str]:
 
 
 def _described(file: Path, mesh: Path) -> dict[str, Any]:
-    """What becomes of a description; its triangles go to a file."""
     made: dict[str, Any] = {"mesh": str(mesh), "mass_kg": None, "parts": [], "refused": None}
     parts: list[Path] = []
     try:
