@@ -6,7 +6,7 @@ import pytest
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 ObjectGrasps, read_grasps, InputError = graspmill.ObjectGrasps, graspmill.read_grasps, graspmill.InputError
 
-ENDINGS = {"acronym": "h5", "graspgen": "json", "isaac_grasp": "yaml", "molmospaces": "npz", "graspnet": "npy"}
+ENDINGS = {form: ending[1:] for ending, form in reversed(graspmill.formats.grasps.ENDINGS.items()) if form != "parquet"}
 NEEDS = {"acronym": "h5py", "isaac_grasp": "yaml"}
 FORMATS = list(ENDINGS)
 #: From straight above at (0.01, 0.02, 0.03) m, closing along y: x = y × z.

@@ -14,7 +14,7 @@ from ...grippers import LENGTHS, GripperLike, loaded
 from ...object_grasps import Axis, Format, ObjectGrasps
 from .._files import whole
 from . import acronym, graspgen, graspnet, isaac_grasp, molmospaces, parquet
-from ._parts import GripperFrame, stem
+from ._parts import GripperFrame
 
 #: Formats that are written, and all that are read.
 WRITTEN: dict[str, Any] = {"acronym": acronym, "graspgen": graspgen, "isaac_grasp": isaac_grasp}
@@ -44,7 +44,7 @@ def read(
     chosen, given = _format(file, format, FORMATS), _given(base_to_tips_m, gripper, closing_axis)
     _arrays.must(os.path.isfile(file), f"path must be a file, got {file}")
     try:
-        return ObjectGrasps(**{"name": stem(file), **chosen.read(file, given)})
+        return ObjectGrasps(**{"name": _stem(file), **chosen.read(file, given)})
     except MemoryError:
         raise
     except Exception as error:  # whatever a library says of a damaged file
@@ -70,6 +70,12 @@ def _format(path: str, format: str | None, known: dict[str, Any]) -> Any:
     endings = ", ".join(ending for ending, one in ENDINGS.items() if one in known)
     rule = f"format must be one of {', '.join(known)}" if format else f"path must end with one of {endings}, or format be given"
     raise InputError(f"{rule}, got {_arrays.shown(format) if format else path}")
+
+
+def _stem(path: str) -> str:
+    """The object's name by that of the file, without ``.FORMAT``."""
+    name, form = os.path.splitext(os.path.splitext(os.path.basename(path))[0])
+    return name if form[1:] in (*WRITTEN, "grasps") else name + form
 
 
 def _given(base_to_tips_m: float | None, gripper: GripperLike | None, closing_axis: Axis | None) -> GripperFrame:

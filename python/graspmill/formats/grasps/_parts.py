@@ -2,7 +2,6 @@
 along the approach, and +x or +y along the closing direction. Our grasp frame has +z along the approach, +y along the
 closing direction, and its origin midway between the tips."""
 
-import os
 from dataclasses import dataclass, field
 from typing import Any, Mapping
 
@@ -56,12 +55,6 @@ def word(name: str, value: object) -> str:
         value = value.decode("utf-8", "replace")
     _arrays.must(isinstance(value, str), f"{name} must be a text", value)
     return _arrays.text(name, value)
-
-
-def stem(path: str) -> str:
-    """The object's name by that of the file, without ``.FORMAT``."""
-    name, form = os.path.splitext(os.path.splitext(os.path.basename(path))[0])
-    return name if form in (".acronym", ".graspgen", ".isaac_grasp", ".molmospaces", ".graspnet", ".grasps") else name + form
 
 
 def about(of: str, gripper: Mapping[str, Any], **thing: Any) -> dict[str, Any]:
