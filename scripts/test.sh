@@ -194,11 +194,11 @@ wheel() {
         && .venv/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$scratch"/wheels/*.whl
 }
 
-# Two tests at a time, mostly in the order of the files, so that what a file sets up is made once or twice: half of the
+# Three tests at a time, mostly in the order of the files, so that what a file sets up is made once or twice: half of the
 # time goes to waiting for servers, schedulers and time limits.
 readers() {
     GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" \
-        GRASPMILL_PROGRAMS="${CARGO_TARGET_DIR:-target}/debug" .venv/bin/python -m pytest -n 2 --dist worksteal --durations 15 -rs \
+        GRASPMILL_PROGRAMS="${CARGO_TARGET_DIR:-target}/debug" .venv/bin/python -m pytest -n 3 --dist worksteal --durations 15 -rs \
         -p no:cacheprovider -m "$marked" tests/python
 }
 
@@ -224,14 +224,16 @@ else
         step burn build cargo test --package trainer --features flex
     fi
     step clippy '' cargo clippy --workspace --all-targets -- -D warnings
-    step docs '' docs
     step advisories '' advisories
-    if [[ $rust_only == no ]]; then
+    if [[ $rust_only == yes ]]; then
+        step docs '' docs
+    else
         step dataset build dataset
         step wheel 'build venv' wheel
         beside site env PYTHON=.venv/bin/python scripts/site.sh "$scratch/site"
+        beside docs docs
         step readers 'venv dataset wheel' readers
-        joined site
+        joined site docs
     fi
 fi
 
