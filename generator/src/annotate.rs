@@ -13,6 +13,8 @@ mod replay;
 mod stable;
 mod surface;
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 use schema::{
     GraspSource, Gripper, GripperBox, Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Purpose, StablePose, Stream,
@@ -170,10 +172,10 @@ impl<'a> Bench<'a> {
             Ok(grip) => {
                 let (is_held, test);
                 (is_held, test, order) = self.bears(grip, &order);
-                let contacts_m = grip.contacts_m();
+                let touched = grip.contacts_m().map(|pressed| pressed.map(|pressed| self.surface.touched(pressed)));
                 grasp.width_m = Some(grip.width_m());
-                grasp.normals = contacts_m.map(|at_m| Some(self.surface.normal_at(at_m?)));
-                grasp.contacts_m = contacts_m.map(|at_m| Some(at_m? + self.annotated.origin_m));
+                grasp.contacts_m = touched.map(|point| Some(point?[0] + self.annotated.origin_m));
+                grasp.normals = touched.map(|point| Some(point?[1]));
                 (grasp.closing, grasp.test) = (Some(pair(grip.closing())), Some(pair(test)));
                 if is_held {
                     grasp.outcome = Outcome::Held;
@@ -323,6 +325,7 @@ impl<'a> Bench<'a> {
             friction: object.friction,
             extents_m: object.body.extents_m(),
             parts: object.body.polyhedra().iter().map(|part| part.moved(&Pose::from_translation(*origin_m))).collect(),
+            mesh: object.body.mesh().map(|mesh| Arc::new(mesh.moved(*origin_m))),
             centre_of_mass_m: self.world.centre_of_mass_m() + *origin_m,
             coverage: self.coverage(&grasps),
             grasps,
@@ -420,10 +423,11 @@ mod tests {
         let set = all(&object, &AnnotateParams { is_held_only: true, ..few(400) });
         assert!(set.grasps.len() == 400 && set.held().count() == 400);
         assert!(set.coverage.unwrap() > 0.95, "{:?}", set.coverage);
-        // Contacts are in the frame in which grasps are given, on the surface; the middle of several may be beside it.
+        // Contacts are in the frame in which grasps are given, on the surface, although the middle of several may be
+        // beside it; a few are where one part meets the other.
         let contacts_m: Vec<Vec3> = set.grasps.iter().flat_map(|grasp| grasp.contacts_m).flatten().collect();
         let off_m = |at_m: &Vec3| object.object.body.distance_outside_m(*at_m - object.origin_m).abs();
-        let on_surface = contacts_m.iter().filter(|at_m| off_m(at_m) < 5e-4).count();
+        let on_surface = contacts_m.iter().filter(|at_m| off_m(at_m) < 1e-5).count();
         assert!(contacts_m.len() == 800 && on_surface >= 780, "{on_surface} of {}", contacts_m.len());
     }
 

@@ -9,8 +9,7 @@
 
 use perception::camera_at;
 use schema::{
-    Approach, Camera, ObjectRecord, Polyhedron, Pose, Rule, Stream, Vec3, View, along_normal, axis_angle,
-    pose_from_parts,
+    Approach, Camera, ObjectRecord, Polyhedron, Rule, Stream, Vec3, View, along_normal, axis_angle, pose_from_parts,
 };
 use simulator::{Scene, SceneObject, SceneRays, ViewRays};
 
@@ -40,20 +39,6 @@ struct Touch {
     normal: Vec3,
 }
 
-/// The surface of an object at rest: the faces of its convex parts.
-struct Target {
-    parts: Vec<Polyhedron>,
-    radius_m: f32,
-    workspace_from_object: Pose,
-}
-
-impl Target {
-    fn of(object: &SceneObject) -> Self {
-        let (parts, radius_m) = (object.body.polyhedra(), object.body.bounding_radius_m());
-        Self { parts: parts.to_vec(), radius_m, workspace_from_object: object.workspace_from_object }
-    }
-}
-
 /// Draws `count` candidates in a scene, given with its rows, that is observed from `views`: [`YAWS`] consecutive ones
 /// at each point (the last point may have fewer).
 ///
@@ -74,10 +59,9 @@ pub(crate) fn draw_along_normals(
         (camera, rays.seen_from(&camera))
     };
     let cameras: Vec<(Camera, ViewRays)> = views.iter().map(seen).collect();
-    let targets: Vec<Target> = scene.objects.iter().map(Target::of).collect();
     let mut candidates = Vec::with_capacity(count.next_multiple_of(YAWS));
     while candidates.len() < count {
-        let touch = draw_seen(config, &targets, &cameras, stream);
+        let touch = draw_seen(config, &scene.objects, &cameras, stream);
         let length_m = config.gripper.of_scene(objects[0].scene_id).finger_length_m;
         let depth_m = length_m * stream.uniform(-DEPTH_SHARE, 1.0 + DEPTH_SHARE);
         let shape = objects[touch.object_id].shape.shape();
@@ -96,7 +80,7 @@ pub(crate) fn draw_along_normals(
 }
 
 /// A visible surface point with an upward normal inside the workspace; after [`TRIES_MAX`] draws the last one.
-fn draw_seen(config: &Config, targets: &[Target], cameras: &[(Camera, ViewRays)], stream: &mut Stream) -> Touch {
+fn draw_seen(config: &Config, targets: &[SceneObject], cameras: &[(Camera, ViewRays)], stream: &mut Stream) -> Touch {
     let grid = &config.grid;
     let inside = MARGIN_SIZES * grid.size_m..=(1.0 - MARGIN_SIZES) * grid.size_m;
     let will_do = |touch: &Touch| {
@@ -109,8 +93,8 @@ fn draw_seen(config: &Config, targets: &[Target], cameras: &[(Camera, ViewRays)]
     };
     let top_of_first = Touch { object_id: 0, point_m: targets[0].workspace_from_object.translation, normal: Vec3::Z };
     let mut last = top_of_first;
-    // For an object of many parts one of a line's possible entries is drawn, and often does not exist.
-    let parts_most = targets.iter().map(|target| target.parts.len()).max().unwrap_or(1) as u32; // at most PARTS_MAX
+    // Of an object of many parts (at most PARTS_MAX) one of a line's possible entries is drawn, and often is not there.
+    let parts_most = targets.iter().map(|target| target.body.polyhedra().len()).max().unwrap_or(1) as u32;
     for _ in 0..TRIES_MAX * parts_most {
         if let Some(touch) = draw_touch(targets, stream) {
             last = touch;
@@ -136,8 +120,10 @@ fn sees(camera: &Camera, rays: &ViewRays, Touch { point_m, normal, .. }: &Touch)
 /// that hit a ball enter the solids in it uniformly over their surfaces (Crofton), so no area has to be computed. A
 /// line may enter an object of n parts up to n times, so the object is drawn n times as often, and each draw selects
 /// one of n possible entries, which may not exist.
-fn draw_touch(targets: &[Target], stream: &mut Stream) -> Option<Touch> {
-    let disc = |target: &Target| target.radius_m * target.radius_m * target.parts.len() as f32;
+fn draw_touch(targets: &[SceneObject], stream: &mut Stream) -> Option<Touch> {
+    let disc = |SceneObject { body, .. }: &SceneObject| {
+        body.bounding_radius_m() * body.bounding_radius_m() * body.polyhedra().len() as f32
+    };
     let discs: Vec<f32> = targets.iter().map(disc).collect();
     let mut left = stream.uniform(0.0, discs.iter().sum());
     let object_id = discs.iter().position(|disc| {
@@ -147,7 +133,8 @@ fn draw_touch(targets: &[Target], stream: &mut Stream) -> Option<Touch> {
     let object_id = object_id.unwrap_or(targets.len() - 1);
     let (rotation, radius_share) = (stream.rotation(), stream.uniform(0.0, 1.0).sqrt());
     let around = axis_angle(Vec3::Z, stream.uniform(0.0, core::f32::consts::TAU));
-    let Target { parts, radius_m, workspace_from_object: pose } = &targets[object_id];
+    let SceneObject { body, workspace_from_object: pose, .. } = &targets[object_id];
+    let (parts, radius_m) = (body.polyhedra(), body.bounding_radius_m());
     let aside_m = rotation * around * Vec3::X * (radius_share * radius_m);
     let wanted = if parts.len() == 1 { 0 } else { stream.index(parts.len()) };
     let direction = rotation * Vec3::Z;
@@ -203,7 +190,7 @@ fn within_part(part: &Polyhedron, at_m: Vec3, direction: Vec3) -> Option<Within>
 
 #[cfg(test)]
 mod tests {
-    use schema::{Purpose, Quat, ShapeKind, Solid};
+    use schema::{Pose, Purpose, Quat, ShapeKind, Solid};
     use simulator::Scene;
     use simulator::{Body, Part};
 
@@ -222,8 +209,7 @@ mod tests {
         let mut stream = Stream::new(4, 0, Purpose::Candidates, 0);
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.08)).unwrap();
         let objects = [record(solid, Vec3::ZERO, Quat::IDENTITY)];
-        let targets: Vec<Target> =
-            Scene::from_records(0.0, Vec::new(), &objects, &[]).objects.iter().map(Target::of).collect();
+        let targets = Scene::from_records(0.0, Vec::new(), &objects, &[]).objects;
         let touches: Vec<Touch> = (0..40_000).filter_map(|_| draw_touch(&targets, &mut stream)).collect();
         let area = 2.0 * (0.03 * 0.05 + 0.05 * 0.08 + 0.08 * 0.03);
         for (axis, face) in [(Vec3::X, 0.05 * 0.08), (Vec3::Y, 0.08 * 0.03), (Vec3::Z, 0.03 * 0.05)] {
@@ -256,7 +242,7 @@ mod tests {
         let standing = box_at(Vec3::new(0.02, 0.04, 0.06), Vec3::new(-0.03, 0.0, 0.05));
         let body = Body::of_parts("ell", vec![lying, standing]).unwrap();
         let workspace_from_object = Pose::IDENTITY;
-        let targets = [Target::of(&SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object })];
+        let targets = [SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object }];
         let mut stream = Stream::new(5, 0, Purpose::Candidates, 0);
         let touches: Vec<Touch> = (0..60_000).filter_map(|_| draw_touch(&targets, &mut stream)).collect();
         let share =

@@ -110,6 +110,7 @@ pub fn grasps_info(set: &ObjectGrasps) -> Value {
             "extents_m": set.extents_m.to_array(),
             "centre_of_mass_m": set.centre_of_mass_m.to_array(),
             "parts_m": set.parts.iter().map(|part| flat_points(part.corners_m().iter().copied())).collect::<Vec<_>>(),
+            "mesh": set.mesh,
             "mass_kg": set.mass_kg,
             "friction": set.friction,
             "warnings": set.warnings,

@@ -49,6 +49,7 @@ mod rule;
 mod seed;
 mod solid;
 pub mod statistics;
+mod surface;
 
 pub use camera::{Camera, ColorImage, DepthImage, Intrinsics, View};
 pub use container::{Container, ContainerKind};
@@ -71,3 +72,4 @@ pub use record::{AttemptRecord, ObjectRecord, SceneRecord, SceneRejections, Scen
 pub use rule::{Approach, Axis, Rule};
 pub use seed::{Purpose, Stream};
 pub use solid::{FACETS, Plane, ShapeKind, Solid};
+pub use surface::Surface;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Polyhedron, ShapeKind, Solid, TriangleMesh, Vec3, bounds_m};
+use crate::{Polyhedron, ShapeKind, Solid, Surface, TriangleMesh, Vec3, bounds_m};
 
 /// An object of convex parts. All that physics and cameras take from it stands here: a dataset needs no other file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -146,6 +146,13 @@ impl ObjectShape {
                 model.parts.iter().flat_map(|part| Polyhedron::hull_of(&part.corners_m)).collect()
             }
         }
+    }
+
+    /// What is seen of it, in the object's frame.
+    #[must_use]
+    pub fn surface(&self) -> Surface {
+        let mesh = if let Self::Model { model, .. } = self { model.mesh.as_deref() } else { None };
+        Surface::of(mesh, &if mesh.is_some() { Vec::new() } else { self.parts() })
     }
 
     /// Full lengths of the bounding box along the object's axes, in metres.

@@ -1,8 +1,11 @@
 //! Labelled grasps of one object that floats: what `graspmill objects annotate` makes.
 
+use core::cmp::Reverse;
+use std::sync::Arc;
+
 use settings::words;
 
-use crate::{Gripper, Outcome, Polyhedron, Pose, Vec3, are_alike};
+use crate::{Gripper, Outcome, Polyhedron, Pose, TriangleMesh, Vec3, are_alike};
 
 /// The best grasps have tips that are further apart than this, or axes that are.
 const APART_M: f32 = 0.02;
@@ -113,6 +116,8 @@ pub struct ObjectGrasps {
     pub extents_m: Vec3,
     /// Its convex parts.
     pub parts: Vec<Polyhedron>,
+    /// Its mesh, if it has one.
+    pub mesh: Option<Arc<TriangleMesh>>,
     /// Its centre of mass.
     pub centre_of_mass_m: Vec3,
     /// The grasps.
@@ -124,6 +129,17 @@ pub struct ObjectGrasps {
     pub stable_poses: Vec<StablePose>,
 }
 
+impl ObjectGrasp {
+    /// By which the weakest comes first: whether it held, the pull that it bears times the share of its repeats that
+    /// held, and that share, as far as they are known. Bits of numbers that are not negative are in their order.
+    #[must_use]
+    pub fn strength(&self) -> [u64; 3] {
+        let likely = f64::from(self.p_held.unwrap_or(1.0));
+        let tug_g = self.margins.map_or(1.0, |margins| f64::from(margins.tug_max_g));
+        [f64::from(self.outcome.label()), tug_g * likely, likely].map(f64::to_bits)
+    }
+}
+
 impl ObjectGrasps {
     /// How many grasps ended so.
     #[must_use]
@@ -132,18 +148,10 @@ impl ObjectGrasps {
     }
 
     /// Keeps the strongest of the grasps that held, at most so many, strongest first, and none that is within 20 mm and
-    /// 30° of a stronger one. The strength is the pull that a grasp bears times the share of its repeats that held, as
-    /// far as they are known.
+    /// 30° of a stronger one ([`ObjectGrasp::strength`]).
     pub fn keep_best(&mut self, most: usize) {
-        let strength = |grasp: &ObjectGrasp| {
-            let likely = f64::from(grasp.p_held.unwrap_or(1.0));
-            [grasp.margins.map_or(1.0, |margins| f64::from(margins.tug_max_g)) * likely, likely]
-        };
         let mut held: Vec<ObjectGrasp> = self.held().cloned().collect();
-        held.sort_by(|a, b| {
-            let [a, b] = [strength(a), strength(b)];
-            b[0].total_cmp(&a[0]).then(b[1].total_cmp(&a[1]))
-        });
+        held.sort_by_key(|grasp| Reverse(grasp.strength()));
         self.grasps.clear();
         for grasp in held {
             let pose = &grasp.object_from_grasp;

@@ -204,11 +204,7 @@ impl Body {
         let parts = model.parts.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
         let body = Self::of_parts(name, parts).map_err(|e| BodyError(format!("model {name}: {e}")))?;
         let shift_m = body.parts()[0].object_from_part.translation;
-        let moved = |mesh: &Arc<TriangleMesh>| match shift_m == Vec3::ZERO {
-            true => mesh.clone(),
-            false => Arc::new(mesh.moved(shift_m)),
-        };
-        Ok(body.with_mesh(model.mesh.as_ref().map(moved)))
+        Ok(body.with_mesh(model.mesh.as_ref().map(|mesh| Arc::new(mesh.moved(shift_m)))))
     }
 
     /// The model that a dataset stores for a catalogue's body, and from which [`Self::of_model`] makes the body again.

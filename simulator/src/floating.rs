@@ -245,12 +245,16 @@ impl Grip<'_> {
         self.closing
     }
 
-    /// Where the left (−y) and the right finger press on the object, in its frame, in metres: the middle of the points
-    /// on the part on which the finger presses most; `None` for one that does not press.
+    /// Where the left (−y) and the right finger press on the object, in metres: the middle of the points on the part on
+    /// which the finger presses most; and the direction in which it does. In the object's frame; `None` for one that
+    /// does not press.
     #[must_use]
-    pub fn contacts_m(&self) -> [Option<Vec3>; 2] {
-        let in_object = |at_m: Vec3| self.grasp_from_object.inverse_transform_point(at_m);
-        [0, 1].map(|finger| self.stepper.pressed_at_m(finger, 0).map(in_object))
+    pub fn contacts_m(&self) -> [Option<[Vec3; 2]>; 2] {
+        let Pose { rotation, .. } = self.grasp_from_object;
+        [(0, Vec3::Y), (1, Vec3::NEG_Y)].map(|(finger, push): (usize, Vec3)| {
+            let at_m = self.stepper.pressed_at_m(finger, 0)?;
+            Some([self.grasp_from_object.inverse_transform_point(at_m), rotation.inverse() * push])
+        })
     }
 
     /// Whether the object stays in the gripper under a load, with the gripper's friction multiplied by

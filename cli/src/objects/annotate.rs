@@ -24,7 +24,7 @@ use crate::planning::gripper::named;
 use crate::progress::style;
 
 /// The largest `NAME.json` and `NAME.parquet` that are read.
-const BYTES_MAX: [u64; 2] = [1 << 24, 1 << 30];
+const BYTES_MAX: [u64; 2] = [1 << 26, 1 << 30];
 
 /// Label grasps of objects that float: drawn over their whole surface, executed, and, if asked, measured
 #[derive(Debug, Args)]
@@ -245,6 +245,8 @@ fn files(out: &Path, name: &str) -> [PathBuf; 2] {
 
 /// Everything that a set depends on.
 fn settings(object: &Annotated, params: &AnnotateParams, given: Option<&GivenGrasps>) -> Value {
+    let body = &object.object.body;
+    let body = body.mesh().map_or_else(|| format!("{body:?}"), |mesh| format!("{body:?} {mesh:?}"));
     json!({
         "code_version": env!("CARGO_PKG_VERSION"),
         "params": params,
@@ -258,7 +260,7 @@ fn settings(object: &Annotated, params: &AnnotateParams, given: Option<&GivenGra
         "origin_m": object.origin_m.to_array(),
         "mass_kg": object.object.mass_kg,
         "friction": object.object.friction,
-        "body_sha256": digest(format!("{:?}", object.object.body).as_bytes()),
+        "body_sha256": digest(body.as_bytes()),
         "given_sha256": given.map(|given| digest(format!("{given:?}").as_bytes())),
     })
 }

@@ -93,6 +93,7 @@ impl Draw<'_> {
         }
         let widths_m = WIDTH_M_MIN..=self.params.gripper.span_m();
         let across = self.surface.inside(point.at_m, inwards).into_iter();
+        let across = across.map(|of| self.surface.ended(of, point.at_m, inwards));
         let across = across.filter(|of| widths_m.contains(&of.exit_m) && bears(of.exit_normal));
         across.map(|of| point.at_m + inwards * (0.5 * of.exit_m)).collect()
     }

@@ -85,7 +85,8 @@ fn replay(world: &FloatingWorld<'_>, set: &ObjectGrasps, number: u64, origin_m: 
 fn describe_load(load: &Load, [number, all]: [usize; 2]) -> String {
     let what = match load {
         Load::Pull { acceleration_m_s2, .. } => {
-            let [x, y, z] = (*acceleration_m_s2 * (1.0 / G_M_S2)).to_array();
+            // A zero more makes 0 of -0.
+            let [x, y, z] = (*acceleration_m_s2 * (1.0 / G_M_S2) + Vec3::ZERO).to_array();
             format!("pulled by {x:.1}, {y:.1}, {z:.1} g along x, y, z of the gripper")
         }
         Load::Shake(shake) => format!(

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use program::{Context as _, ExitCode, Failure};
 use schema::{
     GraspSource, GripTest, Gripper, Margins, ObjectGrasp, ObjectGrasps, Outcome, PARTS_MAX, Polyhedron, Pose, Quat,
-    StablePose, Vec3,
+    StablePose, TriangleMesh, Vec3,
 };
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -16,7 +17,7 @@ use shards::{PlainColumn, read_plain_table};
 use super::{CONTACTS, TABLE};
 
 /// The largest `NAME.json` that is read, and the most grasps.
-const INFO_BYTES_MAX: u64 = 1 << 24;
+const INFO_BYTES_MAX: u64 = 1 << 26;
 pub(super) const GRASPS_MAX: usize = 1_000_000;
 /// Quaternions have the length 1, up to this.
 const LENGTH_ERROR_MAX: f32 = 1e-3;
@@ -53,6 +54,8 @@ struct About {
     extents_m: [f32; 3],
     centre_of_mass_m: [f32; 3],
     parts_m: Vec<Vec<[f32; 3]>>,
+    #[serde(default)]
+    mesh: Option<Arc<TriangleMesh>>,
     mass_kg: f32,
     friction: f32,
 }
@@ -85,7 +88,8 @@ pub fn read_grasp_set(folder: &Path, name: &str) -> Result<ObjectGrasps, Failure
     };
     // What the file says cannot lead elsewhere.
     let table = folder.join(format!("{name}{TABLE}"));
-    let About { name, file, scale_m, warnings, extents_m, centre_of_mass_m, parts_m, mass_kg, friction } = info.object;
+    let About { name, file, scale_m, warnings, extents_m, centre_of_mass_m, parts_m, mesh, mass_kg, friction } =
+        info.object;
     let is_solid = (1..=PARTS_MAX).contains(&parts_m.len()) && (mass_kg + friction).is_finite();
     if !(is_solid && mass_kg > 0.0 && friction >= 0.0) {
         return Err(rule("object"));
@@ -109,6 +113,7 @@ pub fn read_grasp_set(folder: &Path, name: &str) -> Result<ObjectGrasps, Failure
         friction,
         extents_m: Vec3::from_array(extents_m),
         parts,
+        mesh,
         centre_of_mass_m: Vec3::from_array(centre_of_mass_m),
         grasps,
         coverage: info.coverage,
@@ -198,13 +203,14 @@ fn grasps(columns: &BTreeMap<String, PlainColumn>, stable_poses: usize) -> Resul
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use shards::plain_table;
 
     use super::*;
     use crate::grasps::{grasp_columns, grasps_info, grasps_table};
 
-    fn set() -> ObjectGrasps {
+    /// A cube with a mesh of one of its sides.
+    pub(in crate::grasps) fn set() -> ObjectGrasps {
         let corner = |c: u8| Vec3::new(f32::from(c & 1), f32::from(c >> 1 & 1), f32::from(c >> 2 & 1)) * 0.05;
         let corners_m: Vec<Vec3> = (0..8).map(corner).collect();
         let grasp = |number: u8| {
@@ -239,6 +245,7 @@ mod tests {
             friction: 0.8,
             extents_m: Vec3::splat(0.05),
             parts: vec![Polyhedron::hull_of(&corners_m).unwrap()],
+            mesh: Some(Arc::new(TriangleMesh::new(&corners_m[..4], vec![[0, 1, 2], [2, 1, 3]]).unwrap())),
             centre_of_mass_m: Vec3::splat(0.025),
             grasps: (0..12).map(grasp).collect(),
             coverage: Some(0.5),
@@ -256,7 +263,7 @@ mod tests {
         write("cube.parquet", &grasps_table(&set).unwrap());
         assert_eq!(grasp_sets(place.path()).unwrap(), ["cube"]);
         let read = read_grasp_set(place.path(), "cube").unwrap();
-        assert_eq!(read.grasps, set.grasps);
+        assert_eq!((&read.grasps, &read.mesh), (&set.grasps, &set.mesh));
         assert_eq!(grasps_table(&read).unwrap(), grasps_table(&set).unwrap());
         // As 0.3.0 wrote it.
         let mut columns = grasp_columns(&set);
@@ -278,6 +285,7 @@ mod tests {
         for (from, to, said) in [
             ("\"tug\"", "\"pull\"", "test"),
             ("\"mass_kg\":", "\"mass\":", "mass_kg"),
+            ("0 1 2 2 1 3", "0 1 2 2 1 4", "a mesh's triangles must name its 4 corners from 0, got 4"),
             ("\"parts_m\":[[", "\"parts_m\":[[],[", "parts_m"),
             ("\"finger_force_n\":20.0", "\"finger_force_n\":-1.0", "finger_force_n must be between"),
         ] {
