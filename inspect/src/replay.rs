@@ -30,7 +30,7 @@ pub(crate) fn of_scene(dataset: &Dataset, rows: &SceneRows, scene: &View) -> Res
 pub(crate) fn of_object(set: &ObjectGrasps, numbers: &[u64], object: &View) -> Result<Vec<(String, bool)>, Failure> {
     generator::grasp_replays(set, numbers, |replay| {
         let is_reproduced = replay.outcome == set.grasps[replay.number as usize].outcome;
-        (grasp_view(set, replay).packed(object), is_reproduced)
+        (grasp_view(set, replay, object).packed(object), is_reproduced)
     })
 }
 
@@ -63,7 +63,7 @@ fn attempt_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows, replay: 
             _ => Class::Object,
         };
         let poses = poses(recording, |frame| frame.objects[id]);
-        view.bodies.extend(Body::of_object(class, row).into_iter().map(|part| Body { poses: poses.clone(), ..part }));
+        view.bodies.push(Body { poses, ..Body::of_object(class, row) });
     }
     add(&mut view, recording, info.gripper_of(stored.scene_id));
     view.lines.push(Line::workspace(Lattice::from(info.grid).corners_m()));
@@ -82,14 +82,13 @@ fn attempt_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows, replay: 
     view
 }
 
-fn grasp_view(set: &ObjectGrasps, replay: GraspReplay) -> View {
+fn grasp_view(set: &ObjectGrasps, replay: GraspReplay, object: &View) -> View {
     let GraspReplay { number, recording, ending, .. } = replay;
     let grasp = &set.grasps[number as usize];
     let mut view = View::new(format!("{}/{number}: {ending}", set.name));
-    // As in the object's view: there the parts need not be told again.
+    // As in the object's view: there its form need not be told again.
     let poses = poses(&recording, |frame| frame.objects[0]);
-    let part = |part| Body { poses: poses.clone(), ..Body::of_part(Class::Target, set.name.clone(), part, &[]) };
-    view.bodies.extend(set.parts.iter().map(part));
+    view.bodies.extend(object.bodies.first().map(|body| Body { class: Class::Target, poses, ..body.clone() }));
     add(&mut view, &recording, &set.gripper);
     view.fact("stored", grasp.outcome.name());
     view.fact("now", ending);

@@ -21,7 +21,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     let mut view = View::new(format!("Scene {}: {objects}, {held} of {attempts} attempts held", scene.scene_id));
     view.bodies.push(Body::table(grid.size_m, grid.table_z_m));
     view.bodies.extend(Body::of_container(scene, grid));
-    view.bodies.extend(rows.objects.iter().flat_map(|object| Body::of_object(Class::Object, object)));
+    view.bodies.extend(rows.objects.iter().map(|object| Body::of_object(Class::Object, object)));
     view.lines.push(Line::workspace(Lattice::from(*grid).corners_m()));
     // The lens by which the TSDF was made, VGN's where the config does not say.
     let lens = info.section::<CameraParams>("camera").map_or(Intrinsics::VGN, |camera| camera.intrinsics());
@@ -121,11 +121,11 @@ mod tests {
         let sizes = [0.26, 0.2, 0.1, 0.004, 0.1];
         rows.scene.container = Some(schema::Container::of_sizes(schema::ContainerKind::Bin, sizes));
         let view = scene_view(&info, "", &rows);
-        let walls: Vec<&Body> = view.bodies.iter().filter(|body| body.class == Class::Container).collect();
-        assert_eq!(walls.len(), 4);
-        assert!(walls[0].label.starts_with("bin\n260 × 200 mm inside, walls 100 mm high"), "{}", walls[0].label);
+        let bin = view.bodies.iter().find(|body| body.class == Class::Container).unwrap();
+        assert_eq!((bin.corners_m.len(), bin.faces.len()), (4 * 8, 4 * 6));
+        assert!(bin.label.starts_with("bin\n260 × 200 mm inside, walls 100 mm high"), "{}", bin.label);
         // The wall at -x ends at 0.15 - 0.13 - 0.004.
-        let low = walls[0].corners_m.iter().map(|corner| corner[0]).fold(f32::INFINITY, f32::min);
+        let low = bin.corners_m.iter().map(|corner| corner[0]).fold(f32::INFINITY, f32::min);
         assert!((low - 0.016).abs() < 1e-6, "{low}");
     }
 

@@ -6,13 +6,13 @@
   const byId = (id) => document.getElementById(id);
   const wanted = new URLSearchParams(location.hash.slice(1));
   const outcome = () => wanted.get("outcome");
-  const matching = (scene) => scene.attempts.filter(([, own]) => !outcome() || own === outcome());
+  const isChosen = ([, own]) => !outcome() || own === outcome();
+  const matching = (scene) => scene.attempts.filter(isChosen);
   // The choice as the end of an address.
   const hash = (...more) => {
     const text = [...(outcome() ? [`outcome=${encodeURIComponent(outcome())}`] : []), ...more].join("&");
     return text && `#${text}`;
   };
-  const byNumber = new Map(scenes.map((scene) => [scene.id, scene]));
   const byFile = new Map(scenes.map((scene) => [scene.file, scene]));
   const here = byFile.get(location.pathname.split("/").at(-1));
 
@@ -51,17 +51,16 @@
   const play = (id) => hash(`attempt=${id}`, "play=1");
   globalThis.addressOf = play;
   addEventListener("hashchange", () => location.reload());
-  const all = isReplay
-    ? scenes.flatMap((scene) => matching(scene).map(([id]) => [scene.id, id]))
-    : scenes.filter((scene) => matching(scene).length).map((scene) => [scene.id, 0]);
-  const own = [here.id, attempt ?? 0];
-  const isAfter = (a, b) => a[0] > b[0] || (a[0] === b[0] && a[1] > b[1]);
+  // All places in the order of their lists, and those before and after this one that are wanted.
+  const places = scenes.flatMap((scene) =>
+    isReplay ? scene.attempts.map((one) => [scene, one[0], isChosen(one)]) : [[scene, null, matching(scene).length > 0]]);
+  const at = places.findIndex(([scene, id]) => scene === here && id === attempt);
   const lead = (name, place) => {
     byId(name).hidden = !place;
-    if (place) byId(name).href = byNumber.get(place[0]).file + (isReplay ? play(place[1]) : hash());
+    if (place) byId(name).href = place[0].file + (isReplay ? play(place[1]) : hash());
   };
-  lead("next", all.find((place) => isAfter(place, own)));
-  lead("previous", all.findLast((place) => isAfter(own, place)));
+  lead("next", places.slice(at + 1).find((place) => place[2]));
+  lead("previous", places.slice(0, Math.max(0, at)).findLast((place) => place[2]));
   for (const link of document.querySelectorAll("header a:not(#next, #previous, #scene)")) link.href = link.getAttribute("href") + hash();
   const wantedHere = new Set(matching(here).map(([id]) => id));
   globalThis.isWanted = (id) => wantedHere.has(Number(id));
@@ -100,11 +99,10 @@
     const bytes = Uint8Array.from(atob(byId(`replay-${attempt}`).textContent), (letter) => letter.charCodeAt(0));
     const inflated = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
     const replay = await new Response(inflated).json();
-    replay.bodies.forEach((body, at, bodies) => {
-      if (!body.corners_m.length) replay.bodies[at] = { ...scene.bodies[at], class: body.class, poses: body.poses };
+    replay.bodies = replay.bodies.map((body, at) => (body.corners_m.length ? body : { ...scene.bodies[at], class: body.class, poses: body.poses }));
+    replay.bodies.forEach((body) => {
       const pose = [0, 0, 0, 0, 0, 0, 0];
-      if (!body.poses.length) bodies[at].poses = bodies[at - 1].poses;
-      else if (body.poses.length > 1) bodies[at].poses = body.poses.map((steps) => steps.map((step, i) => (pose[i] += step) / 1e5));
+      if (body.poses.length > 1) body.poses = body.poses.map((steps) => steps.map((step, i) => (pose[i] += step) / 1e5));
     });
     tell(replay);
     return replay;

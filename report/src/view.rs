@@ -21,7 +21,7 @@ pub struct View {
     pub format: String,
     /// A title of one line.
     pub title: String,
-    /// Convex bodies.
+    /// Bodies.
     pub bodies: Vec<Body>,
     /// Lines.
     pub lines: Vec<Line>,
@@ -37,7 +37,7 @@ pub struct View {
     pub hidden: Vec<String>,
 }
 
-/// A convex polyhedron.
+/// A surface of flat, convex faces, closed or not.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Body {
     /// Its class; members of a class look alike and are shown or hidden together.
@@ -103,6 +103,8 @@ pub enum Class {
     Camera,
     /// The observed surface.
     Surface,
+    /// Where fingers press.
+    Contact,
     /// The axes of a frame.
     Axes,
     /// A grasp, by its outcome.

@@ -1,6 +1,6 @@
 "use strict";
-// Draws the view that stands in the page. Convex bodies are drawn from the back to the front, which planes between them decide;
-// lines and points come after, faint where a body hides them.
+// Draws the view that stands in the page. Bodies fill pixels, each of which keeps what is nearest; edges, lines and points
+// come after, faint or not at all where a body hides them.
 (async () => {
   const scene = JSON.parse(document.getElementById("view").textContent);
   // In a folder the address may ask for the replay of one of the scene's attempts.
@@ -16,7 +16,7 @@
   }
 
   // Colours that stay apart for the colour-blind (Okabe and Ito, 2008); a: opacity of a body that hides nothing.
-  const [SKY, BLUE, ORANGE] = [[86, 180, 233], [0, 114, 178], [230, 159, 0]];
+  const [SKY, BLUE, ORANGE, YELLOW] = [[86, 180, 233], [0, 114, 178], [230, 159, 0], [240, 228, 66]];
   // Those of outcomes are the style's, as in tables.
   const hues = new Map();
   isDark.addEventListener("change", () => hues.clear());
@@ -39,7 +39,8 @@
     empty: { name: "empty", rgb: () => hue("empty"), wide: 1.6 },
     approach_collision: { name: "approach collision", rgb: () => hue("approach_collision"), wide: 1.1 },
     pregrasp_collision: { name: "pregrasp collision", rgb: () => hue("pregrasp_collision"), wide: 1.1 },
-    surface: { name: "surface as seen (TSDF)", rgb: () => BLUE },
+    surface: { name: "surface as seen (TSDF)", rgb: () => BLUE, side: 0.0016, slack: 0.008 },
+    contact: { name: "contacts", rgb: () => YELLOW, side: 0.0026, slack: 0.001, a: 1 },
     axes: { name: "axes", rgb: () => ORANGE, wide: 2 },
     camera: { name: "cameras", rgb: grey },
     workspace: { name: "workspace", rgb: grey },
@@ -73,50 +74,47 @@
   const isThere = (item) => shown.has(item.class) && !item.isOther && (!item.frames || (item.frames[0] <= frame && frame <= item.frames[1]));
 
   for (const body of view.bodies) {
-    body.middle = times(body.corners_m.reduce(add), 1 / body.corners_m.length);
-    body.radius = Math.max(...body.corners_m.map((c) => Math.hypot(...less(c, body.middle))));
-    body.planes = body.faces.map(([a, b, c]) => {
-      const [p, q, r] = [a, b, c].map((i) => body.corners_m[i]);
-      return unit(cross(less(q, p), less(r, q)));
-    });
-    // Edges with the faces at both sides: what is round has none but its outline.
+    const ring = (face) => face.map((i) => body.corners_m[i]);
+    const areas = (corners) => corners.map((p, i) => cross(less(p, corners[0]), less(corners[(i + 1) % corners.length], corners[0])));
+    body.normals = body.faces.map((face) => unit(areas(ring(face)).reduce(add)));
+    // Edges with the faces at both sides: what is round has none but its outline, and what is open has its rim.
     const sides = new Map();
     body.faces.forEach((face, i) => face.forEach((a, k) => {
       const b = face[(k + 1) % face.length], key = a < b ? `${a} ${b}` : `${b} ${a}`;
       sides.set(key, [...(sides.get(key) ?? [a, b]), i]);
     }));
-    body.edges = [...sides.values()].map(([a, b, f, g = f]) => ({ a, b, f, g, sharp: dot(body.planes[f], body.planes[g]) < 0.9 }));
+    body.edges = [...sides.values()].map(([a, b, f, g]) => ({ a, b, f, g, sharp: g === undefined || dot(body.normals[f], body.normals[g]) < 0.9 }));
   }
-  // Where a body is now: corners, planes, middle.
+  // Where a body is now: corners and the normals of its faces.
   function placed(body) {
     const pose = body.poses[Math.min(frame, body.poses.length - 1)];
     const at = pose.slice(0, 3), q = pose.slice(3);
-    const corners = body.corners_m.map((c) => add(turn(q, c), at));
-    const planes = body.planes.map((n, i) => {
-      const normal = turn(q, n);
-      return [...normal, dot(normal, corners[body.faces[i][0]])];
-    });
-    return { body, corners, planes, middle: add(turn(q, body.middle), at), radius: body.radius };
+    return { body, corners: body.corners_m.map((c) => add(turn(q, c), at)), normals: body.normals.map((n) => turn(q, n)) };
   }
 
-  // The camera goes round a point. Home is where the workspace, or all there is, fills the picture.
+  // The camera goes round a point. Home is where the workspace, or all that is shown, fills the picture.
   const around = (() => {
     const fixed = view.lines.filter((l) => l.class === "workspace").flatMap((l) => l.points_m);
     const ends = ({ corners_m, poses }) => [poses[0], poses.at(-1)].flatMap((pose) => corners_m.map((c) => add(turn(pose.slice(3), c), pose.slice(0, 3))));
-    const all = fixed.length ? fixed : [...view.lines.flatMap((l) => l.points_m), ...view.bodies.flatMap(ends)];
+    const all = fixed.length ? fixed : [...view.lines.filter((l) => shown.has(l.class)).flatMap((l) => l.points_m), ...view.bodies.flatMap(ends)];
     if (!all.length) all.push([0, 0, 0], [0.3, 0.3, 0.3]);
-    const low = [0, 1, 2].map((i) => Math.min(...all.map((p) => p[i])));
-    const high = [0, 1, 2].map((i) => Math.max(...all.map((p) => p[i])));
+    const [low, high] = [Math.min, Math.max].map((end) => all.reduce((a, b) => a.map((x, i) => end(x, b[i]))));
     // In a workspace things lie low.
-    return { middle: times(add(low, high), 0.5), radius: 0.5 * Math.hypot(...less(high, low)), sunk: fixed.length ? 0.24 : 0 };
+    return { all, middle: times(add(low, high), 0.5), radius: 0.5 * Math.hypot(...less(high, low)), sunk: fixed.length ? 0.24 : 0 };
   })();
-  const home = () => ({ yaw: -1.05, pitch: 0.5, away: (around.sunk ? 2.7 : 2.3) * around.radius, centre: add(around.middle, [0, 0, -around.sunk * around.radius]) });
-  let camera = home(), eye, right, up, ahead, focal, width, height;
+  const axesAt = ({ yaw, pitch }) => {
+    const [sy, cy, sp, cp] = [Math.sin(yaw), Math.cos(yaw), Math.sin(pitch), Math.cos(pitch)];
+    return [[-sy, cy, 0], [-sp * cy, -sp * sy, cp], [-cp * cy, -cp * sy, -sp]];
+  };
+  const home = () => {
+    const look = { yaw: -1.05, pitch: 0.5, centre: add(around.middle, [0, 0, -around.sunk * around.radius]) };
+    // So far away that a point is on the picture, whatever its form: see `focal`.
+    const least = (p) => { const [x, y, z] = axesAt(look).map((axis) => dot(axis, less(p, look.centre))); return Math.max(2.7 * Math.abs(x), 3.2 * Math.abs(y)) - z; };
+    return { ...look, away: around.sunk ? 2.7 * around.radius : Math.max(0.5 * around.radius, around.all.reduce((most, p) => Math.max(most, least(p)), 0)) };
+  };
+  let camera = home(), eye, right, up, ahead, focal, width, height, ratio;
   function aim() {
-    const [sy, cy, sp, cp] = [Math.sin(camera.yaw), Math.cos(camera.yaw), Math.sin(camera.pitch), Math.cos(camera.pitch)];
-    ahead = [-cp * cy, -cp * sy, -sp];
-    right = [-sy, cy, 0];
-    up = [-sp * cy, -sp * sy, cp];
+    [right, up, ahead] = axesAt(camera);
     eye = less(camera.centre, times(ahead, camera.away));
     focal = 1.28 * Math.min(width, height * 1.15);
   }
@@ -125,103 +123,107 @@
     return [width / 2 + dot(off, right) * scale, height / 2 - dot(off, up) * scale, depth];
   }
 
-  // Which of two bodies covers the other: 1 if b may cover a, -1 if a may cover b, 0 if neither does.
-  function order(a, b) {
-    const reach = (p) => { const [x, y, depth] = onScreen(p.middle); return [x, y, (p.radius * focal) / Math.max(depth - p.radius, 0.01)]; };
-    const [ax, ay, ar] = reach(a), [bx, by, br] = reach(b);
-    if (Math.hypot(ax - bx, ay - by) > ar + br) return 0;
-    let best = -0.006, found = 0;
-    const look = (of, other, sign) => {
-      for (const [x, y, z, d] of of.planes) {
-        const gap = Math.min(...other.corners.map((c) => c[0] * x + c[1] * y + c[2] * z)) - d;
-        if (gap > best) {
-          best = gap;
-          found = dot([x, y, z], eye) > d ? sign : -sign;
+  // Fills the pixels of a body's faces where they are nearer than what is there: `near` has 1 / depth, which is linear in a
+  // picture. A lens has an eye, its axes, its focal lengths and its middle in pixels.
+  const NEAR = 0.002;
+  const beyondNear = (ring) => ring.flatMap((p, i) => {
+    const q = ring[(i + 1) % ring.length], kept = p[2] >= NEAR ? [p] : [];
+    if (p[2] >= NEAR !== q[2] >= NEAR) kept.push(add(p, times(less(q, p), (NEAR - p[2]) / (q[2] - p[2]))));
+    return kept;
+  });
+  function fill({ eye, axes, size: [wide, high], focal: [fx, fy], middle: [cx, cy] }, near, { body, corners, normals }, put) {
+    const inLens = (p) => axes.map((axis) => dot(axis, p)), seen = corners.map((c) => inLens(less(c, eye)));
+    body.faces.forEach((face, number) => {
+      const whole = face.map((i) => seen[i]), ring = whole.some((p) => p[2] < NEAR) ? beyondNear(whole) : whole;
+      if (ring.length < 3) return;
+      const [x, y, z] = inLens(normals[number]), off = dot([x, y, z], ring[0]);
+      if (!off) return;
+      const spots = ring.map((p) => [cx + (fx * p[0]) / p[2], cy + (fy * p[1]) / p[2], 1 / p[2]]);
+      const ends = (axis) => [Math.min(...spots.map((p) => p[axis])), Math.max(...spots.map((p) => p[axis]))];
+      const [[top, bottom], [least, most]] = [ends(1), ends(2)];
+      for (let v = Math.max(0, Math.ceil(top - 0.5)); v < Math.min(high, bottom); v++) {
+        const row = v + 0.5;
+        let from = Infinity, to = -Infinity;
+        for (let i = 0, j = spots.length - 1; i < spots.length; j = i++) {
+          const a = spots[j], b = spots[i];
+          if (a[1] <= row === b[1] <= row) continue;
+          const column = a[0] + ((row - a[1]) / (b[1] - a[1])) * (b[0] - a[0]);
+          [from, to] = [Math.min(from, column), Math.max(to, column)];
+        }
+        const end = Math.min(wide, Math.ceil(to - 0.5)), offRow = (y * (row - cy)) / fy + z;
+        for (let u = Math.max(0, Math.ceil(from - 0.5)); u < end; u++) {
+          const share = Math.min(most, Math.max(least, ((x * (u + 0.5 - cx)) / fx + offRow) / off));
+          if (share > near[v * wide + u]) put(v * wide + u, share, number);
         }
       }
-    };
-    look(a, b, 1);
-    look(b, a, -1);
-    return found || Math.sign(Math.hypot(...less(a.middle, eye)) - Math.hypot(...less(b.middle, eye)));
-  }
-  function fromBackToFront(things) {
-    const waits = things.map(() => new Set());
-    for (let i = 0; i < things.length; i++) {
-      for (let j = 0; j < i; j++) {
-        const which = order(things[i], things[j]);
-        if (which > 0) waits[j].add(i);
-        if (which < 0) waits[i].add(j);
-      }
-    }
-    const left = new Set(things.keys()), sorted = [];
-    const far = (i) => Math.hypot(...less(things[i].middle, eye));
-    while (left.size) {
-      const free = [...left].filter((i) => [...waits[i]].every((j) => !left.has(j)));
-      const next = (free.length ? free : [...left]).reduce((a, b) => (far(a) >= far(b) ? a : b));
-      left.delete(next);
-      sorted.push(things[next]);
-    }
-    return sorted;
-  }
-  // Whether a body lies between a point and the eye, by more than some metres of it.
-  function isHidden(p, things, slack) {
-    const way = less(eye, p), length = Math.hypot(...way);
-    return things.some(({ planes, middle, radius }) => {
-      const off = less(middle, p), along = dot(off, way) / length;
-      if (along < -radius || dot(off, off) - along * along > radius * radius) return false;
-      let enter = 0, leave = 1;
-      for (const [x, y, z, d] of planes) {
-        const speed = x * way[0] + y * way[1] + z * way[2], gap = d - (x * p[0] + y * p[1] + z * p[2]);
-        if (Math.abs(speed) < 1e-9) { if (gap < 0) return false; continue; }
-        const t = gap / speed;
-        if (speed > 0) leave = Math.min(leave, t); else enter = Math.max(enter, t);
-        if (enter >= leave) return false;
-      }
-      return (leave - enter) * length > slack;
     });
   }
 
-  let drawn = [], traced = [];
+  // The picture: of each pixel 1 / depth, the number of the body, and the colour.
+  let drawn = [], traced = [], picture = null;
   const LIGHT = unit([0.35, -0.5, 0.8]);
-  function drawBody(thing) {
-    const { body, planes } = thing, look = style(body), spots = thing.corners.map(onScreen);
-    const faces = planes.map(([x, y, z, d]) => dot([x, y, z], eye) > d), rgb = look.rgb();
-    thing.outlines = [];
-    body.faces.forEach((face, i) => {
-      if (!faces[i]) return;
-      const path = new Path2D();
-      face.forEach((c, k) => (k ? path.lineTo(spots[c][0], spots[c][1]) : path.moveTo(spots[c][0], spots[c][1])));
-      path.closePath();
-      pen.fillStyle = pen.strokeStyle = rgba(times(rgb, 0.7 + 0.32 * Math.max(0, dot(planes[i], LIGHT))), look.a ?? 1);
-      pen.fill(path);
-      pen.lineWidth = 0.7; // closes the seam between two faces
-      if (!look.a) pen.stroke(path);
-      thing.outlines.push(path);
+  const faces = ({ body, corners, normals }) => normals.map((n, i) => dot(n, less(eye, corners[body.faces[i][0]])) > 0);
+  function drawBodies(things) {
+    const [wide, high] = [canvas.width, canvas.height];
+    if (picture?.image.width !== wide || picture.image.height !== high) {
+      const image = pen.createImageData(wide, high);
+      picture = { image, near: new Float32Array(wide * high), owners: new Int32Array(wide * high) };
+    }
+    const { image: { data }, near, owners } = picture;
+    data.fill(0);
+    near.fill(0);
+    owners.fill(-1);
+    const lens = { eye, axes: [right, up, ahead], size: [wide, high], focal: [focal * ratio, -focal * ratio], middle: [wide / 2, high / 2] };
+    // What hides nothing comes last, and lets through what is behind it.
+    const last = (thing) => (style(thing.body).a ? 1 : 0);
+    drawn = [...things].sort((a, b) => last(a) - last(b));
+    drawn.forEach((thing, owner) => {
+      const { rgb, a = 1 } = style(thing.body), facing = faces(thing), colour = rgb();
+      const colours = thing.normals.map((n, i) => times(colour, 0.7 + 0.32 * Math.max(0, dot(n, LIGHT) * (facing[i] ? 1 : -1))));
+      fill(lens, near, thing, (at, share, face) => {
+        if (a < 1 && !facing[face]) return;
+        if (a === 1) near[at] = share;
+        owners[at] = owner;
+        const kept = data[4 * at + 3] ? 1 - a : 0;
+        for (let i = 0; i < 3; i++) data[4 * at + i] = kept * data[4 * at + i] + (1 - kept) * colours[face][i];
+        data[4 * at + 3] = Math.max(data[4 * at + 3], 255 * a);
+      });
     });
-    const edges = new Path2D();
-    for (const { a, b, f, g, sharp } of body.edges) {
-      if (!(faces[f] || faces[g]) || (!sharp && faces[f] && faces[g])) continue;
-      edges.moveTo(spots[a][0], spots[a][1]);
-      edges.lineTo(spots[b][0], spots[b][1]);
-    }
-    pen.strokeStyle = body === marked ? rgba(isDark.matches ? [255, 255, 255] : [0, 0, 0]) : rgba(times(rgb, isDark.matches ? 0.45 : 0.62), look.a ? 0.8 : 1);
-    pen.lineWidth = body === marked ? 2 : 1;
-    pen.stroke(edges);
+    pen.putImageData(picture.image, 0, 0);
+    drawn.forEach(drawEdges);
   }
-  function drawLine(line, opaque) {
-    const look = style(line), near = [new Path2D(), new Path2D()], spots = line.points_m.map(onScreen);
-    const slack = 0.001;
-    for (let i = 1; i < spots.length; i++) {
-      const [a, b] = [line.points_m[i - 1], line.points_m[i]], way = less(b, a);
-      const pieces = !opaque.length ? 1 : Math.min(40, Math.ceil(Math.hypot(...way) / 0.004));
-      for (let k = 0; k < pieces; k++) {
-        const hidden = isHidden(add(a, times(way, (k + 0.5) / pieces)), opaque, slack);
-        const [p, q] = [onScreen(add(a, times(way, k / pieces))), onScreen(add(a, times(way, (k + 1) / pieces)))];
-        near[hidden ? 1 : 0].moveTo(p[0], p[1]);
-        near[hidden ? 1 : 0].lineTo(q[0], q[1]);
-      }
+  // Whether a body lies between a point and the eye, by more than some metres. A point of an outline has a free neighbour.
+  function isHidden(p, slack) {
+    const [x, y, depth] = onScreen(p), { near, image: { width: wide, height: high } } = picture;
+    return [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]].every(([i, j]) => {
+      const [u, v] = [Math.floor(x * ratio) + i, Math.floor(y * ratio) + j];
+      return u >= 0 && v >= 0 && u < wide && v < high && near[v * wide + u] * (depth - slack) > 1;
+    });
+  }
+  // Adds a line's pieces to the path of what is seen, or to that of what is hidden.
+  function trace(paths, a, b, slack) {
+    const [p, q] = [onScreen(a), onScreen(b)], way = less(b, a);
+    const pieces = Math.max(1, Math.min(200, Math.ceil(Math.hypot(q[0] - p[0], q[1] - p[1]) / 4)));
+    for (let k = 0, from = p; k < pieces; k++) {
+      const to = onScreen(add(a, times(way, (k + 1) / pieces)));
+      const path = paths[isHidden(add(a, times(way, (k + 0.5) / pieces)), slack) ? 1 : 0];
+      path.moveTo(from[0], from[1]);
+      path.lineTo(to[0], to[1]);
+      from = to;
     }
-    pen.lineWidth = (look.wide ?? 1) + (line === marked ? 2.2 : 0);
+  }
+  function drawEdges(thing) {
+    const { body, corners } = thing, look = style(body), facing = faces(thing), paths = [new Path2D(), new Path2D()];
+    for (const { a, b, f, g, sharp } of body.edges) if (sharp || facing[f] !== facing[g]) trace(paths, corners[a], corners[b], 0.001);
+    pen.strokeStyle = body === marked ? rgba(isDark.matches ? [255, 255, 255] : [0, 0, 0]) : rgba(times(look.rgb(), isDark.matches ? 0.45 : 0.62), look.a ? 0.8 : 1);
+    pen.lineWidth = body === marked ? 2 : 1;
+    pen.stroke(paths[0]);
+  }
+  const thin = Math.max(0.5, Math.min(1, Math.sqrt(60 / view.lines.length))); // many lines would hide what they are about
+  function drawLine(line) {
+    const look = style(line), near = [new Path2D(), new Path2D()], spots = line.points_m.map(onScreen);
+    for (let i = 1; i < spots.length; i++) trace(near, line.points_m[i - 1], line.points_m[i], 0.001);
+    pen.lineWidth = (look.wide ?? 1) * thin + (line === marked ? 2.2 : 0);
     pen.lineCap = "round";
     pen.strokeStyle = rgba(style(line).rgb(), line === marked ? 0.5 : 0.16);
     pen.stroke(near[1]);
@@ -229,18 +231,18 @@
     pen.stroke(near[0]);
     traced.push({ line, spots });
   }
-  function drawPoints(points, opaque) {
+  function drawPoints(points) {
     const look = style(points);
     for (const p of points.points_m) {
       const [x, y, depth] = onScreen(p);
-      const side = Math.max(1.4, (0.0016 * focal) / depth);
-      pen.fillStyle = rgba(look.rgb(), isHidden(p, opaque, 0.008) ? 0.1 : 0.7);
+      const side = Math.max(1.4, ((look.side ?? 0.0016) * focal) / depth);
+      pen.fillStyle = rgba(look.rgb(), isHidden(p, look.slack ?? 0.008) ? 0.1 : look.a ?? 0.7);
       pen.fillRect(x - side / 2, y - side / 2, side, side);
     }
   }
   function draw() {
     waiting = false;
-    const ratio = Math.min(devicePixelRatio || 1, 3);
+    ratio = Math.min(devicePixelRatio || 1, 3);
     [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
       [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
@@ -249,16 +251,9 @@
     pen.clearRect(0, 0, width, height);
     pen.lineJoin = "round";
     aim();
-    const things = view.bodies.filter(isThere).map(placed);
-    const opaque = things.filter((t) => !style(t.body).a);
-    drawn = fromBackToFront(opaque);
+    drawBodies(view.bodies.filter(isThere).map(placed));
     traced = [];
-    drawn.forEach(drawBody);
-    for (const points of view.points) if (isThere(points)) drawPoints(points, opaque);
-    for (const line of view.lines) if (isThere(line)) drawLine(line, opaque);
-    const clear = things.filter((t) => style(t.body).a);
-    clear.forEach(drawBody);
-    drawn.push(...clear);
+    for (const item of [...view.lines, ...view.points]) if (isThere(item)) (view.points.includes(item) ? drawPoints : drawLine)(item);
   }
   let waiting = false;
   function redraw() {
@@ -279,8 +274,8 @@
       }
     }
     if (found) return found;
-    const ratio = canvas.width / width; // paths are asked for in pixels of the canvas
-    return drawn.findLast((t) => t.body.label && t.outlines.some((path) => pen.isPointInPath(path, x * ratio, y * ratio)))?.body ?? null;
+    const owner = picture?.owners[Math.floor(y * ratio) * canvas.width + Math.floor(x * ratio)] ?? -1, body = drawn[owner]?.body;
+    return body?.label ? body : null;
   }
   function point(event, reach) {
     const box = canvas.getBoundingClientRect(), [x, y] = [event.clientX - box.left, event.clientY - box.top];
@@ -436,32 +431,26 @@
     else return;
     event.preventDefault();
   });
-  // Depth images: rays from a camera, whose pyramid goes from its eye through its corners, against the planes of bodies; the
-  // table has no end.
+  // Depth images: bodies as they fill the picture of a camera, whose pyramid goes from its eye through its corners; the table
+  // has no end.
   function drawDepth(camera, image, caption) {
-    const [from, a, b, , , d] = camera.points_m, corner = less(a, from), across = less(b, a), along = less(d, a);
-    const ahead = unit(cross(across, along)), scale = 1 / dot(corner, ahead);
-    const wide = 160, high = Math.round((wide * Math.hypot(...along)) / Math.hypot(...across)), depths = new Float32Array(wide * high);
+    const [eye, a, b, , , d] = camera.points_m, wide = 160;
+    const [across, along] = [less(b, a), less(d, a)].map((side) => [Math.hypot(...side), unit(side)]);
+    const ahead = unit(cross(across[1], along[1])), axes = [across[1], along[1], ahead], corner = axes.map((axis) => dot(axis, less(a, eye)));
+    const high = Math.round((wide * along[0]) / across[0]), size = [wide, high], shares = new Float32Array(wide * high);
+    // The corners are the middles of pixels.
+    const focal = [across, along].map(([length], i) => ((size[i] - 1) * corner[2]) / length), middle = focal.map((f, i) => 0.5 - (f * corner[i]) / corner[2]);
     const still = view.bodies.filter((body) => body.class !== "gripper").map(placed);
-    for (let at = 0; at < depths.length; at++) {
-      const [u, v] = [(at % wide) / (wide - 1), Math.floor(at / wide) / (high - 1)];
-      const ray = times(add(corner, add(times(across, u), times(along, v))), scale), far = dot(ray, ray);
-      let nearest = Infinity;
-      for (const { body, planes, middle, radius } of still) {
-        const off = less(middle, from), reach = dot(off, ray);
-        if (body.class !== "table" && dot(off, off) - (reach * reach) / far > radius * radius) continue;
-        let enter = 0, leave = Infinity;
-        for (const [x, y, z, level] of planes) {
-          if (body.class === "table" && z < 0.5) continue;
-          const speed = x * ray[0] + y * ray[1] + z * ray[2], gap = level - (x * from[0] + y * from[1] + z * from[2]);
-          if (speed < 0) enter = Math.max(enter, gap / speed);
-          else if (speed > 0) leave = Math.min(leave, gap / speed);
-          else if (gap < 0) leave = 0;
-        }
-        if (enter > 0 && enter < leave) nearest = Math.min(nearest, enter);
-      }
-      depths[at] = nearest;
+    for (const thing of still) if (thing.body.class !== "table") fill({ eye, axes, size, focal, middle }, shares, thing, (at, share) => { shares[at] = share; });
+    for (const { corners } of still.filter((thing) => thing.body.class === "table")) {
+      const below = eye[2] - corners.reduce((top, c) => Math.max(top, c[2]), -Infinity);
+      shares.forEach((share, at) => {
+        const ray = [((at % wide) + 0.5 - middle[0]) / focal[0], (Math.floor(at / wide) + 0.5 - middle[1]) / focal[1], 1];
+        const sinks = -ray.reduce((z, part, i) => z + part * axes[i][2], 0);
+        if (below > 0) shares[at] = Math.max(share, sinks / below);
+      });
     }
+    const depths = shares.map((share) => 1 / share);
     const seen = depths.filter(Number.isFinite), near = seen.reduce((x, y) => Math.min(x, y), Infinity), most = seen.reduce((x, y) => Math.max(x, y), 0);
     [image.width, image.height] = [wide, high];
     const pixels = new ImageData(wide, high);

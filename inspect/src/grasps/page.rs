@@ -1,14 +1,15 @@
 //! Objects' grasps to look at: a folder with a list of them, and a page for each object in space, on which a click
 //! on a grasp leads to its replay.
 
+use std::cmp::Reverse;
 use std::path::Path;
 
 use program::Failure;
 use program::text::{grouped, percent};
 use report::document::{Block, Card, Document};
 use report::view::folder::{INDEX, ListedAttempt, Shelf, object_file};
-use report::view::{Body, Class, Line, View};
-use schema::{Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose};
+use report::view::{Body, Class, Line, View, flat_points};
+use schema::{Margins, ObjectGrasp, ObjectGrasps, Outcome, Pose, Surface};
 
 use super::stored::read_grasp_set;
 use super::{free_share, grasp_sets};
@@ -35,16 +36,19 @@ pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: b
     let (mut cards, mut shown, mut all) = (Vec::new(), 0, 0);
     for (at, name) in names.iter().enumerate() {
         let set = read_grasp_set(folder, name)?;
-        let numbers = spread(&(0..set.grasps.len() as u64).collect::<Vec<_>>(), count);
+        let mut numbers = spread(&(0..set.grasps.len() as u64).collect::<Vec<_>>(), count);
+        let grasp = |number: &u64| &set.grasps[*number as usize];
+        numbers.sort_by_key(|number| Reverse(grasp(number).strength()));
         let view = grasps_view(&set, &numbers);
         let replays = done.kept(|| if has_replays { of_object(&set, &numbers, &view) } else { Ok(Vec::new()) });
         let listed = |number: &u64| {
-            let grasp = &set.grasps[*number as usize];
-            let (id, words) = (number.to_string(), words(&set, grasp));
-            ListedAttempt { attempt: *number as u32, id, outcome: grasp.outcome, words }
+            let (id, words) = (number.to_string(), words(&set, grasp(number)));
+            ListedAttempt { attempt: *number as u32, id, outcome: grasp(number).outcome, words }
         };
         lists.add(at as u64, name.clone(), &view, numbers.iter().map(listed).collect(), replays)?;
-        cards.push(card(&set, name));
+        let [held, grasps] = [set.count(Outcome::Held), set.grasps.len()].map(|count| grouped(count as u64));
+        let caption = format!("{held} of {grasps} grasps held");
+        cards.push(Card { title: name.clone(), caption, link: object_file(name) });
         (shown, all) = (shown + numbers.len(), all + set.grasps.len());
     }
     lists.finish()?;
@@ -62,27 +66,25 @@ pub fn browse_grasps(folder: &Path, names: &[String], out: &Path, has_replays: b
     Ok(done)
 }
 
-/// An object in the list.
-fn card(set: &ObjectGrasps, name: &str) -> Card {
-    let (held, all) = (set.count(Outcome::Held) as u64, set.grasps.len() as u64);
-    let caption = format!("{} of {} grasps held", grouped(held), grouped(all));
-    Card { title: name.to_owned(), caption, link: object_file(name) }
-}
-
-/// An object with some of its grasps as forks, those that held last. A fork says what is known of its grasp.
+/// An object with some of its grasps, the strongest first, as forks, and where those that held press. A fork says what
+/// is known of its grasp.
 fn grasps_view(set: &ObjectGrasps, numbers: &[u64]) -> View {
     let held = grouped(set.count(Outcome::Held) as u64);
     let mut view = View::new(format!("{}: {held} of {} grasps held", set.name, grouped(set.grasps.len() as u64)));
-    let part = |part| Body::of_part(Class::Object, set.name.clone(), part, &[Pose::IDENTITY]);
-    view.bodies.extend(set.parts.iter().map(part));
-    let is_held = |number: &u64| set.grasps[*number as usize].outcome == Outcome::Held;
-    let (last, first): (Vec<u64>, Vec<u64>) = numbers.iter().partition(|number| is_held(number));
-    for number in first.iter().chain(&last) {
+    let surface = Surface::of(set.mesh.as_deref(), &set.parts);
+    view.bodies.push(Body::of_surface(Class::Object, set.name.clone(), surface, &[Pose::IDENTITY]));
+    let mut contacts_m = Vec::new();
+    for number in numbers.iter().rev() {
         let grasp = &set.grasps[*number as usize];
         let (pose, width_m) = (&grasp.object_from_grasp, grasp.width_m.unwrap_or(set.gripper.opening_m_max));
         let class = Class::Grasp(grasp.outcome);
-        view.lines.push(Line::fork(class, label(set, *number, grasp), &set.gripper, pose, width_m));
+        let label = format!("{}/{number}: {}\n{}", set.name, grasp.outcome.name(), words(set, grasp));
+        view.lines.push(Line::fork(class, label, &set.gripper, pose, width_m));
+        contacts_m.extend(grasp.contacts_m.into_iter().flatten().filter(|_| grasp.outcome == Outcome::Held));
     }
+    let (label, points_m) = ("where fingers press that hold it".to_owned(), flat_points(contacts_m));
+    let contacts = Line { class: Class::Contact, label, points_m, frames: None };
+    view.points.extend((!contacts.points_m.is_empty()).then_some(contacts));
     view.fact("gripper", format!("{}, opens {:.0} mm", set.gripper.name, set.gripper.opening_m_max * 1000.0));
     view.fact("test", set.test.name());
     view.fact("mass", format!("{:.0} g", set.mass_kg * 1000.0));
@@ -98,11 +100,6 @@ fn grasps_view(set: &ObjectGrasps, numbers: &[u64]) -> View {
     view
 }
 
-/// A grasp's name and outcome, and what is known of it.
-fn label(set: &ObjectGrasps, number: u64, grasp: &ObjectGrasp) -> String {
-    format!("{}/{number}: {}\n{}", set.name, grasp.outcome.name(), words(set, grasp))
-}
-
 /// How a grasp was drawn, and what was measured.
 fn words(set: &ObjectGrasps, grasp: &ObjectGrasp) -> String {
     let share = |of: Option<f32>, what: &str| of.map(|of| format!("{} {what}", percent(f64::from(of))));
@@ -114,11 +111,49 @@ fn words(set: &ObjectGrasps, grasp: &ObjectGrasp) -> String {
     let known = [
         Some(grasp.source.name().to_owned()),
         length(grasp.width_m, ""),
-        length(grasp.clearance_m, " clear on its way"),
+        length(grasp.clearance_m.filter(|m| *m >= 0.0), " clear on its way"),
+        length(grasp.clearance_m.filter(|m| *m < 0.0).map(|m| -m), " into the object on its way"),
         length(grasp.pushed_m, " pushed aside"),
         margins,
         share(grasp.p_held, "of its repeats hold"),
         share(free_share(grasp, &set.stable_poses), "of the ways to lie leave it free"),
     ];
     known.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grasps::stored::tests::set;
+
+    #[test]
+    fn a_page_shows_the_mesh_the_contacts_of_what_held_and_the_weakest_first() {
+        let mut set = set();
+        let shown = |set: &ObjectGrasps| {
+            let mut view = grasps_view(set, &[4, 0, 1]);
+            (view.bodies.remove(0), view)
+        };
+        let (body, view) = shown(&set);
+        let mesh = set.mesh.clone().unwrap();
+        assert_eq!(body.corners_m, flat_points(mesh.corners_m().iter().copied()));
+        assert_eq!((body.faces, view.bodies), (vec![vec![0, 1, 2], vec![2, 1, 3]], Vec::new()));
+        let held = [4, 0, 1].into_iter().filter(|number| set.grasps[*number].outcome == Outcome::Held);
+        let contacts: usize = held.map(|number| set.grasps[number].contacts_m.into_iter().flatten().count()).sum();
+        assert_eq!(view.points.iter().map(|points| points.points_m.len()).sum::<usize>(), contacts);
+        let numbers: Vec<&str> = view.lines.iter().filter_map(|line| line.label.split([':', '/']).nth(1)).collect();
+        assert_eq!(numbers, ["1", "0", "4"], "the strongest is drawn over the others");
+        // Without a mesh all parts are one body.
+        set.mesh = None;
+        let (body, view) = shown(&set);
+        assert_eq!((body.corners_m.len(), body.faces.len(), view.bodies.len()), (8, 6, 0));
+    }
+
+    #[test]
+    fn a_clearance_below_zero_is_in_the_way() {
+        let set = set();
+        let said =
+            |clearance_m: f32| words(&set, &ObjectGrasp { clearance_m: Some(clearance_m), ..set.grasps[0].clone() });
+        assert!(said(0.0012).contains(", 1.2 mm clear on its way"), "{}", said(0.0012));
+        assert!(said(-0.0147).contains(", 14.7 mm into the object on its way"), "{}", said(-0.0147));
+    }
 }

@@ -1,6 +1,6 @@
 //! Solids, grippers, tables and cameras as bodies and lines of a view.
 
-use schema::{Grid, Gripper, GripperBox, Intrinsics, ObjectRecord, Polyhedron, Pose, SceneRecord, Vec3};
+use schema::{Grid, Gripper, GripperBox, Intrinsics, ObjectRecord, Pose, SceneRecord, Surface, Vec3};
 
 use super::{Body, Class, Line, flat, flat_points};
 
@@ -12,21 +12,21 @@ const CAMERA_LENGTH_M: f32 = 0.03;
 const BOX_FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
 impl Body {
-    /// A convex part of an object.
+    /// What is seen of an object.
     #[must_use]
-    pub fn of_part(class: Class, label: impl Into<String>, part: &Polyhedron, poses: &[Pose]) -> Self {
+    pub fn of_surface(class: Class, label: impl Into<String>, surface: Surface, poses: &[Pose]) -> Self {
         Self {
             class,
             label: label.into(),
-            corners_m: flat_points(part.corners_m().iter().copied()),
-            faces: part.faces().iter().map(|face| face.ring.clone()).collect(),
+            corners_m: flat_points(surface.corners_m),
+            faces: surface.faces.into_iter().map(|face| face.ring).collect(),
             poses: poses.iter().map(flat).collect(),
         }
     }
 
-    /// An object at rest, a body for each convex part, with what is known of it for a label.
+    /// An object at rest, with what is known of it for a label.
     #[must_use]
-    pub fn of_object(class: Class, object: &ObjectRecord) -> Vec<Self> {
+    pub fn of_object(class: Class, object: &ObjectRecord) -> Self {
         let size_mm = object.shape.extents_m() * 1000.0;
         let label = format!(
             "object {}: {}\n{:.1} × {:.1} × {:.1} mm, {:.0} g, friction {:.2}",
@@ -38,33 +38,28 @@ impl Body {
             object.mass_kg * 1000.0,
             object.friction
         );
-        let parts = object.shape.parts().into_iter();
-        parts.map(|part| Self::of_part(class, label.clone(), &part, &[object.workspace_from_object])).collect()
+        Self::of_surface(class, label, object.shape.surface(), &[object.workspace_from_object])
     }
 
-    /// The container of a scene, a body for each part; none where the objects lie on the bare table.
+    /// The container of a scene; none where the objects lie on the bare table.
     #[must_use]
-    pub fn of_container(scene: &SceneRecord, grid: &Grid) -> Vec<Self> {
-        let Some(container) = scene.container else { return Vec::new() };
+    pub fn of_container(scene: &SceneRecord, grid: &Grid) -> Option<Self> {
+        let container = scene.container?;
         let [x_mm, y_mm, height_mm, thickness_mm, _] = container.sizes().map(|size_m| size_m * 1000.0);
         let label = format!(
             "{}\n{x_mm:.0} × {y_mm:.0} mm inside, walls {height_mm:.0} mm high and {thickness_mm:.1} mm thick",
             container.kind.name()
         );
-        let part = |part: &Polyhedron| Self::of_part(Class::Container, label.clone(), part, &[Pose::IDENTITY]);
-        container.parts(grid).iter().map(part).collect()
+        let surface = Surface::of(None, &container.parts(grid));
+        Some(Self::of_surface(Class::Container, label, surface, &[Pose::IDENTITY]))
     }
 
     /// An axis-parallel box in its frame.
     #[must_use]
     pub fn of_box(class: Class, label: impl Into<String>, gripper_box: &GripperBox, poses: &[Pose]) -> Self {
-        Self {
-            class,
-            label: label.into(),
-            corners_m: flat_points(box_corners_m(gripper_box)),
-            faces: BOX_FACES.map(Vec::from).into(),
-            poses: poses.iter().map(flat).collect(),
-        }
+        let corners_m = flat_points(box_corners_m(gripper_box));
+        let bare = Self::of_surface(class, label, Surface::default(), poses);
+        Self { corners_m, faces: BOX_FACES.map(Vec::from).into(), ..bare }
     }
 
     /// The top of the table below a workspace of side `size_m`.
@@ -136,7 +131,7 @@ mod tests {
     use std::collections::{BTreeMap, BTreeSet};
     use std::sync::Arc;
 
-    use schema::{Model, ModelPart, ObjectShape, ShapeKind, Solid};
+    use schema::{Model, ModelPart, ObjectShape, ShapeKind, Solid, TriangleMesh};
 
     use super::*;
 
@@ -173,20 +168,21 @@ mod tests {
         let sizes = [[0.03, 0.05, 0.07], [0.04, 0.04, 0.09], [0.08, 0.05, 0.04], [0.08, 0.06, 0.03]];
         for (kind, size) in ShapeKind::ALL.into_iter().zip(sizes) {
             let solid = Solid::new(kind, Vec3::from_array(size)).unwrap();
-            assert_closed(&Body::of_part(Class::Object, kind.name(), &(&solid).into(), &[Pose::IDENTITY]), 1e-6);
+            let surface = ObjectShape::from(solid).surface();
+            assert_closed(&Body::of_surface(Class::Object, kind.name(), surface, &[Pose::IDENTITY]), 1e-6);
         }
         assert_closed(&Body::table(0.3, 0.05), 1e-6);
     }
 
     #[test]
-    fn a_part_of_more_than_48_corners_is_shown_with_its_hull() {
+    fn a_part_of_more_than_48_corners_is_shown_with_its_hull_unless_there_is_a_mesh() {
         let corner = |at: u16| {
             let z = 1.0 - f32::from(2 * at + 1) / 200.0;
             let (sin, cos) = libm::sincosf(2.399_963_2 * f32::from(at)); // the golden angle
             Vec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() * 0.05 + Vec3::Z * z * 0.05
         };
         let corners: Vec<Vec3> = (0..200).map(corner).collect();
-        let model = Model {
+        let mut model = Model {
             name: "ball".to_owned(),
             mass_kg: 0.1,
             friction: 0.5,
@@ -195,13 +191,20 @@ mod tests {
             parts: vec![ModelPart { corners_m: corners.clone() }],
             mesh: None,
         };
-        let shape = ObjectShape::Model { number: 0, model: Arc::new(model) };
-        let [ball] = <[Polyhedron; 1]>::try_from(shape.parts()).unwrap();
-        let body = Body::of_part(Class::Object, "ball", &ball, &[Pose::IDENTITY]);
+        let shown = |model: &Model| {
+            let shape = ObjectShape::Model { number: 0, model: Arc::new(model.clone()) };
+            Body::of_surface(Class::Object, "ball", shape.surface(), &[Pose::IDENTITY])
+        };
+        let body = shown(&model);
         // A hull's faces are flat to 1e-4 of its size.
         assert_closed(&body, 2e-5);
-        let shown: BTreeSet<[u32; 3]> = body.corners_m.iter().map(|corner| corner.map(f32::to_bits)).collect();
-        assert_eq!(shown, corners.iter().map(|corner| corner.to_array().map(f32::to_bits)).collect());
+        let shown_bits: BTreeSet<[u32; 3]> = body.corners_m.iter().map(|corner| corner.map(f32::to_bits)).collect();
+        assert_eq!(shown_bits, corners.iter().map(|corner| corner.to_array().map(f32::to_bits)).collect());
+        let mesh = TriangleMesh::new(&corners[..4], vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        model.mesh = Some(Arc::new(mesh.clone()));
+        let body = shown(&model);
+        assert_eq!(body.corners_m, flat_points(mesh.corners_m().iter().copied()));
+        assert_eq!(body.faces, [[0, 1, 2], [0, 2, 3]]);
     }
 
     #[test]

@@ -160,21 +160,15 @@ fn unpacked(page: &str, attempt: u32) -> View {
     let packed = element(&format!("<script id=\"replay-{attempt}\" type=\"text/plain\">"));
     let bytes = base64::engine::general_purpose::STANDARD.decode(packed).unwrap();
     let mut replay: View = serde_json::from_reader(flate2::read::ZlibDecoder::new(bytes.as_slice())).unwrap();
-    for at in 0..replay.bodies.len() {
-        let (before, body) = replay.bodies.split_at_mut(at);
-        let body = &mut body[0];
+    for (at, body) in replay.bodies.iter_mut().enumerate() {
         if body.corners_m.is_empty() {
             let (class, poses) = (body.class, std::mem::take(&mut body.poses));
             *body = Body { class, poses, ..scene.bodies[at].clone() };
         }
-        let mut pose = [0.0; 7];
-        match body.poses.len() {
-            0 => body.poses = before[at - 1].poses.clone(),
-            1 => {}
-            _ => body.poses.iter_mut().for_each(|step| {
-                pose = std::array::from_fn(|part| pose[part] + step[part]);
-                *step = pose.map(|parts| parts / 1e5);
-            }),
+        let (mut pose, is_moving) = ([0.0; 7], body.poses.len() > 1);
+        for step in body.poses.iter_mut().filter(|_| is_moving) {
+            pose = std::array::from_fn(|part| pose[part] + step[part]);
+            *step = pose.map(|parts| parts / 1e5);
         }
     }
     replay
