@@ -25,6 +25,14 @@ struct Triangle {
     normal: Vec3,
     /// The direction of the longest edge of its face.
     along: Vec3,
+    /// All of it is this near to its middle, in metres.
+    radius_m: f32,
+}
+
+impl Triangle {
+    fn middle_m(&self) -> Vec3 {
+        self.corners_m.iter().sum::<Vec3>() / 3.0
+    }
 }
 
 /// A point on the surface, the outward normal there, and the direction of the longest edge of the face.
@@ -49,15 +57,19 @@ impl Surface {
             // The longest of a triangle is mostly a diagonal, and no edge.
             let along = edges.iter().nth_back(usize::from(is_mesh)).copied().unwrap_or_default();
             let along = along.normalize_or(normal.any_orthonormal_vector());
-            let triangle = |corners: [usize; 3]| Triangle { corners_m: corners.map(|c| corners_m[c]), normal, along };
+            let triangle = |corners: [usize; 3]| {
+                let mut triangle = Triangle { corners_m: corners.map(|c| corners_m[c]), normal, along, radius_m: 0.0 };
+                let middle_m = triangle.middle_m();
+                triangle.radius_m = triangle.corners_m.iter().fold(0.0, |far, c| c.distance(middle_m).max(far));
+                triangle
+            };
             face.triangles().map(triangle).collect()
         };
         let mut triangles: Vec<Triangle> = faces.iter().flat_map(triangles_of).collect();
         let [low, high] = bounds_m(&corners_m);
         let cells = ((1_u32 << MORTON_BITS) - 1) as f32;
         let place = |triangle: &Triangle| {
-            let middle = triangle.corners_m.iter().sum::<Vec3>() / 3.0;
-            let share = (middle - low) / (high - low).max(Vec3::splat(1e-9));
+            let share = (triangle.middle_m() - low) / (high - low).max(Vec3::splat(1e-9));
             share.to_array().map(|share| (share.clamp(0.0, 1.0) * cells) as u32)
         };
         triangles.sort_by_key(|triangle| (normal_octant(triangle.normal), morton(place(triangle))));
@@ -110,12 +122,20 @@ impl Surface {
     /// The point of the surface that is nearest to one at which something presses that moves along `push`, and the
     /// outward normal there. A side that looks away is pressed only if no other is near: of a mesh that is inside out.
     pub(super) fn touched(&self, [at_m, push]: [Vec3; 2]) -> [Vec3; 2] {
-        let near = self.triangles.iter().map(|triangle| {
+        let (mut least_m, mut best) = (f32::INFINITY, [at_m, -push]);
+        for triangle in &self.triangles {
+            // Rounding is far below the slack.
+            if triangle.middle_m().distance(at_m) > 1.001 * (least_m + triangle.radius_m) {
+                continue;
+            }
             let (on_m, normal) = (nearest_m(triangle, at_m), triangle.normal);
             let (behind_m, normal) = if normal.dot(push) < 0.0 { (0.0, normal) } else { (OFF_M, -normal) };
-            (on_m.distance(at_m) + behind_m, [on_m, normal])
-        });
-        near.fold((f32::INFINITY, [at_m, -push]), |best, next| if next.0 < best.0 { next } else { best }).1
+            let far_m = on_m.distance(at_m) + behind_m;
+            if far_m < least_m {
+                (least_m, best) = (far_m, [on_m, normal]);
+            }
+        }
+        best
     }
 }
 
