@@ -105,11 +105,17 @@ class Procedure:
 
 @dataclass(frozen=True)
 class Environment:
-    """What surrounds the objects."""
+    """What surrounds the objects. `finger_depth_m`: how deep a finger sinks into a face that it presses with its force; 0 if it
+    is as hard as the engine's options have it."""
 
     table_z_m: float
     table_friction: float
     gravity_m_s2: float
+    finger_depth_m: float = 0.0
+
+    def point_stiffness_n_m(self, gripper: Gripper) -> float:
+        """Of each of the four points of such a contact."""
+        return gripper.finger_force_n / (4 * self.finger_depth_m)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ between two fingers is then hardly resisted, and it swings where in other engine
 import numpy as np
 import pybullet
 
+from .bullet import LEFT, RIGHT
 from .compound_bullet import CompoundBullet
 from .pose import Pose, conjugate, product, vector_from_quat
 
@@ -28,6 +29,14 @@ class FloatingBullet(CompoundBullet):
         pybullet.changeDynamics(
             self._gripper_id, -1, localInertiaDiagonal=ROOT_INERTIA_KG_M2, physicsClientId=self.client
         )
+        if self._environment.finger_depth_m:
+            stiffness_n_m = self._environment.point_stiffness_n_m(self._gripper)
+            damping_n_s_m = 2 * np.sqrt(stiffness_n_m * self._gripper.finger_mass_kg / 4)
+            for finger in (LEFT, RIGHT):
+                pybullet.changeDynamics(
+                    self._gripper_id, finger, contactStiffness=stiffness_n_m, contactDamping=damping_n_s_m,
+                    physicsClientId=self.client,
+                )  # fmt: skip
         self._there = workspace_from_grasp
 
     def place(self, workspace_from_grasp: Pose) -> None:

@@ -3,14 +3,30 @@
 import mujoco
 import numpy as np
 
-from .mujoco_engine import PALM_MASS_KG, Mujoco
+from .contract import Environment, Gripper, Scene
+from .mujoco_engine import FINGERS, PALM_MASS_KG, Mujoco
 from .pose import Pose, conjugate, product, vector_from_quat
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+# The time constant of the springs between elastic fingers and an object.
+SOFT_TIME_S = 1 / 240
 
 
 class FloatingMujoco(Mujoco):
     """A MuJoCo world with one object; see `crosscheck.floating.FloatingEngine`."""
+
+    def load(self, scene: Scene, gripper: Gripper, environment: Environment) -> None:
+        """Compiles a scene and a gripper, whose fingers sink in as deep as the environment says."""
+        super().load(scene, gripper, environment)
+        if environment.finger_depth_m:
+            # Of a spring (t, 1) with the impedance d the stiffness is 1 / ((1 - d) A t²), where A is the sum of the bodies' inverse
+            # masses as the model has them.
+            model, stiffness_n_m = self._model, environment.point_stiffness_n_m(gripper)
+            inverse_1_kg = sum(model.body_invweight0[model.body(name).id][0] for name in ("object0", FINGERS[0]))
+            soft = 1 / (stiffness_n_m * inverse_1_kg * SOFT_TIME_S**2)
+            fingers = np.isin(model.pair_geom1, self._finger_geoms) | np.isin(model.pair_geom2, self._finger_geoms)
+            model.pair_solref[fingers, 0] = SOFT_TIME_S
+            model.pair_solimp[fingers, :2] = np.clip(1 - soft, 0.1, 0.9999)
 
     def _compiled(self, xml: str) -> mujoco.MjModel:
         spec = mujoco.MjSpec.from_string(xml)

@@ -1,6 +1,7 @@
 """Reads a set of grasps of floating objects as a dataset of which each scene is one object, at its own origin."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,9 @@ def read(folder: Path, object_count: int | None, grasp_count: int | None) -> tup
             grippers.append(build(Gripper, about["gripper"]))
             loads(about["test"], grippers[-1])  # raises for a test that is unknown here
             procedures.append(build(Procedure, about["settings"]["procedure"]))
-            rate = float(about["settings"]["physics"]["step_rate_hz"])
+            physics = about["settings"]["physics"]
+            rate = float(physics["step_rate_hz"])
+            environment = replace(NOWHERE, finger_depth_m=float(physics.get("finger_depth_m_max", 0.0)))
             seed = int(about["settings"]["params"]["seed"])
             rows = pq.read_table(path.with_suffix(".parquet")).to_pylist()
             # Their gates do not push objects aside.
@@ -44,7 +47,7 @@ def read(folder: Path, object_count: int | None, grasp_count: int | None) -> tup
             raise DamagedDataset(f"{path}: {error!r}") from error
     if len(tests) > 1 or any(procedure != procedures[0] for procedure in procedures):
         raise DamagedDataset(f"{folder}: objects were not tested alike: {', '.join(sorted(tests))}")
-    data = Dataset(folder.resolve().name, seed, grippers, procedures[0], NOWHERE, rate, scenes, len(files))
+    data = Dataset(folder.resolve().name, seed, grippers, procedures[0], environment, rate, scenes, len(files))
     return data, tests.pop()
 
 
