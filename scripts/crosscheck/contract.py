@@ -105,8 +105,8 @@ class Procedure:
 
 @dataclass(frozen=True)
 class Environment:
-    """What surrounds the objects. `finger_depth_m`: how deep a finger sinks into a face that it presses with its force; 0 if it
-    is as hard as the engine's options have it."""
+    """What surrounds the objects. `finger_depth_m`: how deep a finger sinks into a face that it presses with its force; 0
+    if it is as hard as the engine's options have it."""
 
     table_z_m: float
     table_friction: float

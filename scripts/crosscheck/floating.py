@@ -19,11 +19,16 @@ RISE_S = 0.025
 # An object is lost if its centre of mass moves further against the fingers, or it turns further; a lift lets it swing.
 MOST = {"lift": (0.05, np.pi)}
 MOST_ELSE = (0.01, 0.349)
+# An object rests under a pull if in so long it moves and turns by less than this.
+REST_TIME_S, REST_M, REST_RAD = 0.025, 2e-5, 3e-4
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class FloatingEngine(Engine, Protocol):
     """An engine whose gripper can be carried anywhere, and whose object can be pulled."""
+
+    def tie(self, asymmetry_m: float) -> None:
+        """As `press`, for fingers that are closing: neither gets faster than the gripper closes."""
 
     def pull(self, acceleration_m_s2: np.ndarray) -> None:
         """Accelerates the object by so much (3,) from the next step on; the gripper is not affected."""
@@ -50,6 +55,11 @@ class Load:
     time_s: float
     pull_m_s2: Callable[[float], np.ndarray]
     gripper_pose: Callable[[float], Pose] | None = None
+
+
+def _angle_rad(a: np.ndarray, b: np.ndarray) -> float:
+    """Of the rotation that leads from one rotation (3, 3) to another."""
+    return float(np.arccos(np.clip((np.trace(a.T @ b) - 1) / 2, -1, 1)))
 
 
 def pull(direction: list[float], time_s: float) -> Load:
@@ -121,12 +131,13 @@ class FloatingRunner(Runner):
             left, right = self._engine.closed_m()
             self._asymmetry_m = left - right
         if self._asymmetry_m is not None:
-            self._engine.press(self._asymmetry_m)
+            self._floating.tie(self._asymmetry_m)
 
     def _bears(self, load: Load, pose: Pose) -> tuple[bool, float]:
         """Whether the object stays in the gripper, and how far it moved in it."""
         engine, rate, moved_m = self._floating, self._engine.step_rate_hz, 0.0
         there, start_m, start = pose, self._centre_m(pose), self._turn(pose)
+        last_m, last, asked = start_m, start, steps(REST_TIME_S, rate)
         for step in range(steps(load.time_s, rate)):
             engine.press(self._asymmetry_m)
             engine.pull(pose.rotation @ load.pull_m_s2((step + 0.5) / rate))
@@ -134,11 +145,16 @@ class FloatingRunner(Runner):
                 there = pose.of(load.gripper_pose((step + 1) / rate))
                 engine.carry(there)
             engine.step()
-            moved_m = float(np.linalg.norm(self._centre_m(there) - start_m))
-            turned_rad = np.arccos(np.clip((np.trace(self._turn(there).T @ start) - 1) / 2, -1, 1))
+            now_m, now = self._centre_m(there), self._turn(there)
+            moved_m, turned_rad = float(np.linalg.norm(now_m - start_m)), _angle_rad(now, start)
             is_lost = moved_m > self._most[0] or turned_rad > self._most[1]
             if is_lost or self._width_m() <= self._procedure.empty_width_m:
                 return False, moved_m
+            if load.gripper_pose is None and step >= 2 * asked and step % asked == 0:
+                # What slides or tips under a steady pull gets faster: what rests will not start.
+                if np.linalg.norm(now_m - last_m) < REST_M and _angle_rad(now, last) < REST_RAD and engine.grips(0):
+                    break
+                last_m, last = now_m, now
         return engine.grips(0), moved_m
 
     def _turn(self, grasp: Pose) -> np.ndarray:

@@ -1,7 +1,7 @@
 """PyBullet for a floating object: the gripper's root is so heavy that nothing moves it but the speed that is written.
 
-Of the points of a contact PyBullet may load one alone, and a hull's contact often has but one: what turns an object
-between two fingers is then hardly resisted, and it swings where in other engines it does not.
+Of the points of a hard contact PyBullet loads one alone: an object then turns between two fingers at 11 to 46 % of the
+pull of Coulomb's law. Fingers with a stiffness load all. A hull's points may lie within its face, which costs up to 30 %.
 """
 
 import numpy as np
@@ -9,6 +9,7 @@ import pybullet
 
 from .bullet import LEFT, RIGHT
 from .compound_bullet import CompoundBullet
+from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M
 from .pose import Pose, conjugate, product, vector_from_quat
 
 ROOT_INERTIA_KG_M2 = (1e3, 1e3, 1e3)
@@ -43,6 +44,17 @@ class FloatingBullet(CompoundBullet):
         """Puts the gripper's root elsewhere."""
         super().place(workspace_from_grasp)
         self._there = workspace_from_grasp
+
+    def tie(self, asymmetry_m: float) -> None:
+        """Motors as while the fingers close, whose forces are those of `press`."""
+        left, right = pybullet.getJointStates(self._gripper_id, [LEFT, RIGHT], physicsClientId=self.client)
+        spring = GEAR_STIFFNESS_N_M * (left[0] - right[0] - asymmetry_m) / 2
+        for finger, state, sign in ((LEFT, left, 1.0), (RIGHT, right, -1.0)):
+            force = self._gripper.finger_force_n - sign * spring - GEAR_DAMPING_N_S_M * state[1]
+            pybullet.setJointMotorControl2(
+                self._gripper_id, finger, pybullet.VELOCITY_CONTROL, force=max(force, 0.0),
+                targetVelocity=self._gripper.closing_speed_m_s, physicsClientId=self.client,
+            )  # fmt: skip
 
     def pull(self, acceleration_m_s2: np.ndarray) -> None:
         """Accelerates the object."""

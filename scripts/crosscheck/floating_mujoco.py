@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from .contract import Environment, Gripper, Scene
+from .contract import GEAR_STIFFNESS_N_M, Environment, Gripper, Scene
 from .mujoco_engine import FINGERS, PALM_MASS_KG, Mujoco
 from .pose import Pose, conjugate, product, vector_from_quat
 
@@ -19,8 +19,8 @@ class FloatingMujoco(Mujoco):
         """Compiles a scene and a gripper, whose fingers sink in as deep as the environment says."""
         super().load(scene, gripper, environment)
         if environment.finger_depth_m:
-            # Of a spring (t, 1) with the impedance d the stiffness is 1 / ((1 - d) A t²), where A is the sum of the bodies' inverse
-            # masses as the model has them.
+            # Of a spring (t, 1) with the impedance d the stiffness is 1 / ((1 - d) A t²), where A is the sum of the bodies'
+            # inverse masses as the model has them.
             model, stiffness_n_m = self._model, environment.point_stiffness_n_m(gripper)
             inverse_1_kg = sum(model.body_invweight0[model.body(name).id][0] for name in ("object0", FINGERS[0]))
             soft = 1 / (stiffness_n_m * inverse_1_kg * SOFT_TIME_S**2)
@@ -49,6 +49,12 @@ class FloatingMujoco(Mujoco):
     def _put(self) -> None:
         there = self._there
         self._data.qpos[self._root] = [*there.position_m, there.quat_xyzw[3], *there.quat_xyzw[:3]]
+
+    def tie(self, asymmetry_m: float) -> None:
+        """Finger force less what the fingers' speed takes, as while they close, and gear spring."""
+        left, right = self.closed_m()
+        spring, force = GEAR_STIFFNESS_N_M * (left - right - asymmetry_m) / 2, self._gripper.finger_force_n
+        self._actuate([force - spring, force + spring], force / self._gripper.closing_speed_m_s, 100 * force)
 
     def pull(self, acceleration_m_s2: np.ndarray) -> None:
         """Accelerates the object."""

@@ -87,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument(
         "--fast", action="store_true",
-        help="steps and contacts as for scenes: several times faster, but fingers go through thin parts",
+        help="steps, and contacts of hard fingers, as for scenes: several times faster, but these cut thin parts",
     )  # fmt: skip
     parser.add_argument("--report", type=Path, metavar="F.md", help="also write the tables here")
     parser.add_argument("--json", type=Path, metavar="F.json", help="write them, and each disagreement, as JSON")
