@@ -194,8 +194,8 @@ wheel() {
         && .venv/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$scratch"/wheels/*.whl
 }
 
-# Three tests at a time, mostly in the order of the files, so that what a file sets up is made once or twice: half of the
-# time goes to waiting for servers, schedulers and time limits.
+# Three tests at a time, mostly in the order of the files, so that what a file sets up is made once or twice: half of
+# the time goes to waiting for servers, schedulers and time limits.
 readers() {
     GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" \
         GRASPMILL_PROGRAMS="${CARGO_TARGET_DIR:-target}/debug" .venv/bin/python -m pytest -n 3 --dist worksteal --durations 15 -rs \

@@ -109,8 +109,8 @@ impl<'a> Frame<'a> {
         Ok(frame)
     }
 
-    /// Checks the pages of some columns. Returns the metadata for the decoder, with the positions of pages if rows are to
-    /// be skipped.
+    /// Checks the pages of some columns. Returns the metadata for the decoder, with the positions of pages if rows
+    /// are to be skipped.
     pub(crate) fn check_pages(self, columns: &[usize], is_skipping: bool) -> Checked<ParquetMetaData> {
         let groups = 0..self.metadata.num_row_groups();
         let schema = self.metadata.file_metadata().schema_descr();

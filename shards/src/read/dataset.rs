@@ -296,8 +296,8 @@ impl Dataset {
         }))
     }
 
-    /// Adds to each of some scenes of a shard its objects and its attempts, which are in the same order. Whether they fit
-    /// together is not checked.
+    /// Adds to each of some scenes of a shard its objects and its attempts, which are in the same order. Whether they
+    /// fit together is not checked.
     fn joined(
         &self,
         shard: u32,

@@ -49,7 +49,7 @@ fn a_report_is_a_page_that_holds_its_numbers_and_needs_nothing_else() {
             assert!(html.contains(&row), "{row} is not in {html}");
         }
     }
-    let places = ["class=\"tiles\"", "class=\"fine\"", ">How attempts ended</h2>"].map(|word| html.find(word));
+    let places = ["class=\"tiles\"", ">How attempts ended</h2>"].map(|word| html.find(word));
     assert!(places.iter().all(Option::is_some) && places.is_sorted(), "the summary comes first: {places:?}");
     assert!(html.contains(json["dataset_id"].as_str().unwrap()));
     for word in ["http://", "https://", "<script", "src=", "url("] {
