@@ -87,7 +87,7 @@ impl Surface {
     pub(super) fn point(&self, [along, u, v]: [f32; 3]) -> Option<SurfacePoint> {
         let wanted_m2 = along * self.areas_m2.last()?;
         let number = self.areas_m2.partition_point(|area_m2| *area_m2 < wanted_m2).min(self.triangles.len() - 1);
-        let Triangle { corners_m: [a, b, c], normal, along } = self.triangles[number];
+        let Triangle { corners_m: [a, b, c], normal, along, .. } = self.triangles[number];
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         let at_m = a + (b - a) * u + (c - a) * v;
         let is_covered = |normal: Vec3| {
