@@ -18,14 +18,18 @@ const SCREENED: usize = 32;
 /// One of so many candidates that are chosen has its tips further than this from all that were chosen before.
 const APART: usize = 8;
 const SPREAD_M: f32 = 0.03;
-/// If there are several things, one of so many candidates that are chosen is shared among them, and the judge is first
-/// asked about fewer: one of so many is kept back.
+/// If there are several things, one of so many candidates that are chosen is shared among them, or nearly all where
+/// each thing counts, and the judge is first asked about fewer: one of so many is kept back.
 const SHARED: usize = 2;
 const KEPT_BACK: usize = 4;
-/// For each thing without a sure grasp so many more are proposed and asked about, in all up to as many as all were;
-/// twice that where each thing counts.
+/// For each thing without a sure grasp so many more are proposed and asked about, in all up to as many as all were.
+/// Where each thing counts, they are twice as many, without a limit, and so many times.
 const PROPOSED: usize = 64;
 const ASKED: usize = 8;
+const ROUNDS: usize = 3;
+/// A sure grasp is also one of things whose middles are nearer to it than this: of a large part, or of a heap, the
+/// squares are things.
+const SERVED_M: f32 = 0.025;
 /// So many are drawn at most for each of these: of some things no candidate is free.
 const TRIES_MORE_MAX: usize = 8;
 
@@ -148,19 +152,7 @@ impl Judge {
             }
             wanted = seen.space.near(&hopeful_m(&judged), NEAR_M);
         }
-        let is_sure = |thing| judged.iter().any(|one| one.thing == Some(thing) && one.quality() > SURE);
-        let lacking: Vec<bool> = (0..seen.things.count()).map(|thing| !is_sure(thing)).collect();
-        let count = lacking.iter().filter(|is_lacking| **is_lacking).count();
-        if count > 0 {
-            let times = if spread == Spread::Each { 2 } else { 1 };
-            let more = |each: usize, all: usize| times * (each * count).min(all);
-            let search = Search { proposals: more(PROPOSED, proposals), asked: more(ASKED, asked), ..*search };
-            let is_meant = |thing: Option<usize>| thing.is_some_and(|thing| lacking[thing]);
-            let wanted = seen.things.shared(&seen.space, &about, is_meant);
-            let (found, count) = self.found(&seen, &wanted, &search, TRIES_MORE_MAX, stream);
-            judged.extend(found);
-            proposed += count;
-        }
+        proposed += self.of_things(&seen, &about, search, &mut judged, stream);
         let (mut best, rest) = leaders(sorted(judged), apart_m, spread);
         best.extend(previous);
         self.move_where_better(&seen, &mut best, search);
@@ -168,6 +160,41 @@ impl Judge {
         let mut all = sorted(best);
         all.extend(rest);
         (all, proposed)
+    }
+
+    /// Adds candidates on things without a sure grasp, and says how many were proposed.
+    fn of_things(
+        &self,
+        seen: &Seen<'_>,
+        about: &Wanted,
+        search: &Search<'_>,
+        judged: &mut Vec<ScoredGrasp>,
+        stream: &mut Stream,
+    ) -> usize {
+        let (is_each, mut proposed) = (search.spread == Spread::Each, 0);
+        let rounds = if is_each { ROUNDS } else { 1 };
+        for _ in 0..rounds {
+            let sure: Vec<&ScoredGrasp> = judged.iter().filter(|one| one.quality() > SURE).collect();
+            let is_served = |thing: usize, one: &ScoredGrasp| {
+                let off_m = one.grasp.workspace_from_grasp.translation - seen.things.middle_m(thing);
+                one.thing == Some(thing) || off_m.length() < SERVED_M
+            };
+            let is_lacking = |thing: usize| !sure.iter().any(|one| is_served(thing, one));
+            let lacking: Vec<bool> = (0..seen.things.count()).map(is_lacking).collect();
+            let count = lacking.iter().filter(|is_lacking| **is_lacking).count();
+            if count == 0 {
+                break;
+            }
+            let more = |each: usize, all: usize| if is_each { 2 * each * count } else { (each * count).min(all) };
+            let [proposals, asked] = [more(PROPOSED, search.proposals), more(ASKED, search.asked)];
+            let search = Search { proposals, asked, ..*search };
+            let is_meant = |thing: Option<usize>| thing.is_some_and(|thing| lacking[thing]);
+            let wanted = seen.things.shared(&seen.space, about, is_meant);
+            let (found, count) = self.found(seen, &wanted, &search, TRIES_MORE_MAX, stream);
+            judged.extend(found);
+            proposed += count;
+        }
+        proposed
     }
 
     /// Candidates of one search about which the judge was asked, and the number of those that were proposed. So many
@@ -183,7 +210,7 @@ impl Judge {
         let counts = [search.proposals, search.proposals * tries_max];
         let candidates = self.sampler.search(&seen.space, wanted, search.are_wanted, counts, stream);
         let proposed = candidates.len();
-        let chosen = self.likeliest(seen, candidates, search.asked);
+        let chosen = self.likeliest(seen, candidates, *search);
         let grasps: Vec<Grasp> = chosen.iter().map(|(_, grasp)| *grasp).collect();
         let judged = pair(&grasps, &self.judge(seen, &grasps, [false; 2]));
         let of_thing =
@@ -251,7 +278,12 @@ impl Judge {
 
     /// Of many candidates the `asked` ones that a quick look finds likeliest to hold, in their order: then those that
     /// give each thing its share, and at last some that are apart from all others, so that all things are asked about.
-    fn likeliest(&self, seen: &Seen<'_>, candidates: Vec<(Vec3, Grasp)>, asked: usize) -> Vec<(Vec3, Grasp)> {
+    fn likeliest(
+        &self,
+        seen: &Seen<'_>,
+        candidates: Vec<(Vec3, Grasp)>,
+        Search { asked, spread, .. }: Search<'_>,
+    ) -> Vec<(Vec3, Grasp)> {
         let Some(screen) = Screen::built_in().filter(|_| asked < candidates.len()) else { return candidates };
         let logits = |some: &[(Vec3, Grasp)]| {
             let poses: Vec<Pose> = some.iter().map(|(_, candidate)| candidate.workspace_from_grasp).collect();
@@ -262,7 +294,12 @@ impl Judge {
         order.sort_by(|a, b| logits[*b].total_cmp(&logits[*a]));
         let things: Vec<Option<usize>> = candidates.iter().map(|(at_m, _)| seen.things.at(*at_m)).collect();
         let count = things.iter().flatten().collect::<BTreeSet<_>>().len();
-        let (shared, apart) = (if count > 0 { asked / SHARED } else { 0 }, asked / APART);
+        let apart = asked / APART;
+        let shared = match spread {
+            _ if count == 0 => 0,
+            Spread::Each => asked - apart,
+            _ => asked / SHARED,
+        };
         let (mut chosen, mut left) =
             (order[..asked - shared - apart].to_vec(), order[asked - shared - apart..].to_vec());
         let mut add = |most: usize, is_meant: &dyn Fn(&[usize], usize) -> bool| {

@@ -35,6 +35,8 @@ pub(crate) struct Things {
     of_cube: Vec<u32>,
     /// How many times as often a point of each thing is drawn.
     times: Vec<usize>,
+    /// The middle of what was seen of each thing.
+    middles_m: Vec<Vec3>,
 }
 
 impl Things {
@@ -55,7 +57,7 @@ impl Things {
         // One more on each side, so that each cube with points has all its neighbours.
         let counts = (extent_m * per_m).to_array().map(|along| along as usize + 3);
         let of_cube = vec![0; counts.iter().product()];
-        let mut things = Self { low_m, per_m, counts, of_cube, times: Vec::new() };
+        let mut things = Self { low_m, per_m, counts, of_cube, ..Self::default() };
         let cubes: Vec<usize> = points_m.iter().filter_map(|at_m| things.cube(*at_m)).collect();
         cubes.iter().for_each(|cube| things.of_cube[*cube] = OPEN);
         let mut sizes: Vec<usize> = Vec::new();
@@ -114,9 +116,24 @@ impl Things {
         for cubes in squares.into_values() {
             let is_thing = cubes.len() >= CUBES_MIN;
             sizes.extend(is_thing.then_some(cubes.len()));
+            self.middles_m.extend(is_thing.then(|| self.middle_of_m(&cubes)));
             let number = if is_thing { sizes.len() as u32 } else { 0 };
             cubes.into_iter().for_each(|cube| self.of_cube[cube] = number);
         }
+    }
+
+    /// The middle of some cubes.
+    fn middle_of_m(&self, cubes: &[usize]) -> Vec3 {
+        let [_, wide, high] = self.counts;
+        // Cubes are counted from one before the first with points.
+        let along = |cube: usize| [cube / (wide * high), cube / high % wide, cube % high].map(|at| at as f32 - 0.5);
+        let sum: Vec3 = cubes.iter().map(|cube| Vec3::from_array(along(*cube))).sum();
+        self.low_m + sum / (self.per_m * cubes.len() as f32)
+    }
+
+    /// The middle of what was seen of a thing.
+    pub(crate) fn middle_m(&self, thing: usize) -> Vec3 {
+        self.middles_m[thing]
     }
 
     /// How many there are; none if fewer than two are apart.
@@ -170,6 +187,8 @@ mod tests {
         assert!(large.iter().all(|at_m| things.at(*at_m) == Some(0)));
         assert!(small.iter().all(|at_m| things.at(*at_m) == Some(1)));
         assert!(noise.iter().all(|at_m| things.at(*at_m).is_none()));
+        assert!((things.middle_m(0) - Vec3::new(0.0325, 0.0325, 0.0)).abs().max_element() < 0.004);
+        assert!((things.middle_m(1) - Vec3::new(0.1325, 0.0125, 0.0)).abs().max_element() < 0.004);
         assert_eq!([Vec3::splat(-1.0), Vec3::splat(9.0)].map(|at_m| things.at(at_m)), [None; 2], "beyond all points");
         // Half of the draws by area, half the same for each: 121 to 144 cubes and 25 to 30.
         assert!(things.times[0] == 2 && (3..=5).contains(&things.times[1]), "{:?}", things.times);
