@@ -34,14 +34,15 @@ pub(crate) fn attribute(
 }
 
 /// Sorts grasps, whose widths were measured, by the policy, best first; but those whose width was not seen come after
-/// those whose was, and those that are to be doubted last. Equal grasps keep the order of their voxels.
-pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stream) {
+/// those whose was, unless they are in a container, whose walls hide the ends of what is there, and those that are to be
+/// doubted last. Equal grasps keep the order of their voxels.
+pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, is_in_container: bool, mut chance: Stream) {
     match policy {
         Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),
         Policy::VgnBest => grasps.sort_by(|a, b| sureness(b).total_cmp(&sureness(a))),
         Policy::VgnRandom => chance.shuffle(grasps),
     }
-    grasps.sort_by_key(|ranked| (ranked.doubt, ranked.width_m.is_none()));
+    grasps.sort_by_key(|ranked| (ranked.doubt, !is_in_container && ranked.width_m.is_none()));
 }
 
 /// The quality times the robustness, where that is known.
@@ -108,7 +109,7 @@ mod tests {
         assert_eq!(grasps.iter().map(|g| g.object).collect::<Vec<_>>(), [Some(1), Some(0), None, Some(0), None]);
         let qualities = |policy| {
             let mut ordered = grasps.clone();
-            order(&mut ordered, policy, chance(1));
+            order(&mut ordered, policy, false, chance(1));
             ordered.iter().map(|g| g.quality).collect::<Vec<_>>()
         };
         assert_eq!(qualities(Policy::Paper), [0.91, 0.95, 0.99, 1.0, 0.92]);
@@ -136,10 +137,13 @@ mod tests {
             of(0.94, Some(0.04), Some(Doubt::NoDepth)),
         ];
         for policy in [Policy::VgnBest, Policy::Paper] {
-            order(&mut grasps, policy, chance(1));
+            order(&mut grasps, policy, false, chance(1));
             let qualities: Vec<f32> = grasps.iter().map(|g| g.quality).collect();
             assert_eq!(qualities, [0.95, 0.71, 0.97, 0.94, 0.98, 0.96, 0.99]);
         }
+        order(&mut grasps, Policy::VgnBest, true, chance(1));
+        let qualities: Vec<f32> = grasps.iter().map(|g| g.quality).collect();
+        assert_eq!(qualities, [0.97, 0.95, 0.71, 0.98, 0.94, 0.96, 0.99], "walls hide ends");
     }
 
     #[test]
@@ -147,7 +151,7 @@ mod tests {
         let mut firsts = [0; 4];
         for scene in 0..4_000 {
             let mut grasps: Vec<RankedGrasp> = (0..4_u8).map(|n| grasp([0.0; 3], f32::from(n))).collect();
-            order(&mut grasps, Policy::VgnRandom, chance(scene));
+            order(&mut grasps, Policy::VgnRandom, false, chance(scene));
             firsts[grasps[0].quality as usize] += 1;
         }
         assert!(firsts.iter().all(|count| (870..1130).contains(count)), "{firsts:?}");

@@ -19,8 +19,8 @@ class FloatingMujoco(Mujoco):
         """Compiles a scene and a gripper, whose fingers sink in as deep as the environment says."""
         super().load(scene, gripper, environment)
         if environment.finger_depth_m:
-            # Of a spring (t, 1) with the impedance d the stiffness is 1 / ((1 - d) A t²), where A is the sum of the bodies'
-            # inverse masses as the model has them.
+            # Of a spring (t, 1) with the impedance d the stiffness is 1 / ((1 - d) A t²), where A is the sum of the
+            # bodies' inverse masses as the model has them.
             model, stiffness_n_m = self._model, environment.point_stiffness_n_m(gripper)
             inverse_1_kg = sum(model.body_invweight0[model.body(name).id][0] for name in ("object0", FINGERS[0]))
             soft = 1 / (stiffness_n_m * inverse_1_kg * SOFT_TIME_S**2)
