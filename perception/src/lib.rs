@@ -56,7 +56,7 @@ pub use fuse::{COLUMNS_PX, Sights, fuse_images};
 pub use heights::Pieces;
 pub use joined::{Cut, Joined};
 pub use level::{TableArea, depth_factor, table_around};
-pub use noise::{DepthNoise, DexNoise, EdgeNoise, FlightNoise, Loss, StereoNoise, add_depth_noise};
+pub use noise::{DepthNoise, DexNoise, EdgeNoise, Loss, StereoNoise, add_depth_noise};
 pub use normals::normals;
 pub use plane::{FoundPlane, PlaneParams, find_plane};
 pub use rim::Rim;

@@ -5,7 +5,6 @@
 
 mod dex;
 mod edges;
-mod flight;
 mod lattice;
 mod loss;
 mod presets;
@@ -16,8 +15,6 @@ use schema::{DepthImage, Stream};
 pub use self::dex::DexNoise;
 use self::dex::{add_dex_noise, spoiled};
 pub use self::edges::EdgeNoise;
-pub use self::flight::FlightNoise;
-use self::flight::add_flight_noise;
 pub use self::loss::Loss;
 pub use self::stereo::StereoNoise;
 use self::stereo::add_stereo_noise;
@@ -36,8 +33,6 @@ pub enum DepthNoise {
     Dex(DexNoise),
     /// Errors in disparity, so that depth errors grow with depth squared, and holes where only one of two imagers sees.
     Stereo(StereoNoise),
-    /// Errors of a time-of-flight camera, with pixels that fly between the sides of an edge.
-    Flight(FlightNoise),
 }
 
 /// Adds noise to a depth image in place.
@@ -52,7 +47,6 @@ pub fn add_depth_noise(image: &mut DepthImage, noise: &DepthNoise, stream: &mut 
         }
         DepthNoise::Dex(dex) => add_dex_noise(image, dex, stream),
         DepthNoise::Stereo(stereo) => add_stereo_noise(image, stereo, stream),
-        DepthNoise::Flight(flight) => add_flight_noise(image, flight, stream),
     }
 }
 
@@ -79,13 +73,10 @@ mod tests {
         image.depth_m.iter().map(|d| f64::from(*d)).collect()
     }
 
-    pub(super) const SENSORS: [DepthNoise; 6] = [
+    pub(super) const SENSORS: [DepthNoise; 3] = [
         DepthNoise::Stereo(StereoNoise::D435),
         DepthNoise::Stereo(StereoNoise::D435_REAL),
-        DepthNoise::Stereo(StereoNoise::D405),
         DepthNoise::Stereo(StereoNoise::KINECT),
-        DepthNoise::Stereo(StereoNoise::PHOXI),
-        DepthNoise::Flight(FlightNoise::AZURE),
     ];
 
     /// What is nowhere stays nowhere, and a scene of steps and holes takes as many draws as a wall.

@@ -4,7 +4,7 @@ use schema::{Camera, DepthImage, Grid, Stream, Vec3, axis_angle};
 use serde::Serialize;
 use settings::{Reader, settings, words};
 
-use crate::{DepthNoise, DexNoise, FlightNoise, StereoNoise, add_depth_noise, depth_factor, table_around};
+use crate::{DepthNoise, DexNoise, StereoNoise, add_depth_noise, depth_factor, table_around};
 
 words! {
     /// A model of a sensor's noise.
@@ -19,14 +19,8 @@ words! {
         Dex = "dex",
         /// A D435's as it was measured, with the colour camera's view.
         D435Real = "d435_real",
-        /// A RealSense D405's.
-        D405 = "d405",
         /// A Kinect's of 2010.
         Kinect = "kinect",
-        /// An Azure Kinect's.
-        Azure = "azure",
-        /// A Photoneo PhoXi's.
-        Phoxi = "phoxi",
     }
 }
 
@@ -40,10 +34,7 @@ impl NoiseKind {
             Self::Dex => DepthNoise::Dex(DexNoise::GIGA),
             Self::D435 => DepthNoise::Stereo(StereoNoise { focal_px, ..StereoNoise::D435 }),
             Self::D435Real => DepthNoise::Stereo(StereoNoise::D435_REAL.through(focal_px)),
-            Self::D405 => DepthNoise::Stereo(StereoNoise::D405.through(focal_px)),
             Self::Kinect => DepthNoise::Stereo(StereoNoise::KINECT.through(focal_px)),
-            Self::Phoxi => DepthNoise::Stereo(StereoNoise::PHOXI.through(focal_px)),
-            Self::Azure => DepthNoise::Flight(FlightNoise::AZURE.through(focal_px)),
         }
     }
 }

@@ -34,8 +34,8 @@ pub(crate) fn attribute(
 }
 
 /// Sorts grasps, whose widths were measured, by the policy, best first; but those whose width was not seen come after
-/// those whose was, unless they are in a container, whose walls hide the ends of what is there, and those that are to be
-/// doubted last. Equal grasps keep the order of their voxels.
+/// those whose was, unless they are in a container, whose walls hide the ends of what is there, and those that are to
+/// be doubted last. Equal grasps keep the order of their voxels.
 pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, is_in_container: bool, mut chance: Stream) {
     match policy {
         Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),

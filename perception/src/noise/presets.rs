@@ -2,7 +2,6 @@
 //! captures: 15 of a Kinect and one of a D435 (docs/results/sensors.md).
 
 use super::edges::EdgeNoise;
-use super::flight::FlightNoise;
 use super::loss::Loss;
 use super::stereo::StereoNoise;
 
@@ -56,23 +55,6 @@ impl StereoNoise {
         loss: Loss { share: 0.001, per_secant: 1.22, patch_px: 5.0 },
     };
 
-    /// Intel RealSense D405. No capture was there: values of the D435, at another baseline.
-    ///
-    /// - 674 px: 87° across 1280 px; 18 mm: the D400 series' datasheet. Colour is the left imager's, so only the right
-    ///   one is elsewhere, and there is a band.
-    /// - 0.08 px and cells of 3.5 px: as [`StereoNoise::D435`]. 0.1 mm: its default unit.
-    /// - Fattening and loss: as [`StereoNoise::D435_REAL`], whose matching it shares. Unknown for its textureless
-    ///   things: it has no projector.
-    pub const D405: Self = Self {
-        focal_px: 674.0,
-        baseline_m: 0.018,
-        seen_from_m: [0.018, 0.0],
-        depth_step_m: 0.0001,
-        edges: EdgeNoise { fattening_px: [3.2, 0.7], hole_px: 2.2, ragged_px: 1.5 },
-        loss: Loss { patch_px: 4.0, ..Self::D435_REAL.loss },
-        ..Self::D435
-    };
-
     /// Microsoft Kinect of 2010, as OpenNI gives it: depth in the colour camera's place.
     ///
     /// - 525 px: `OpenNI`'s lens, that of the captures; 75 mm from projector to imager.
@@ -97,48 +79,5 @@ impl StereoNoise {
         depth_step_m: 0.001,
         edges: EdgeNoise { fattening_px: [1.0, 1.0], hole_px: -0.5, ragged_px: 0.7 },
         loss: Loss { share: 0.0001, per_secant: 0.0, patch_px: 5.0 },
-    };
-
-    /// Photoneo `PhoXi` 3D Scanner M: structured light, each pixel for itself. No capture was there.
-    ///
-    /// - 2345 px: 47.5° across 2064 px (projection angle in Photoneo's technical description).
-    /// - 0.25 m: a guess from its case of 0.42 m; its baseline is not in what we read.
-    /// - 0.14 px: 0.1 mm at 0.65 m, the class of its temporal noise. No correlation: no window.
-    /// - No rounding, fattening or flying pixels: unknown.
-    /// - Loss: that of [`StereoNoise::D435_REAL`]. Unknown; its light is a laser's, so shiny things may lose more.
-    pub const PHOXI: Self = Self {
-        focal_px: 2345.0,
-        baseline_m: 0.25,
-        seen_from_m: [0.25, 0.0],
-        has_band: false,
-        subpixel_std_px: 0.14,
-        smooth_cell_px: [1.0, 1.0],
-        disparity_step_px: 0.0,
-        depth_step_m: 0.0,
-        edges: EdgeNoise::NONE,
-        loss: Self::D405.loss,
-    };
-}
-
-impl FlightNoise {
-    /// Microsoft Azure Kinect in its narrow mode, 640 × 576, in the depth camera's place. No capture was there, so only
-    /// limits are known.
-    ///
-    /// - 504 px: the lens in calibrations of the narrow mode.
-    /// - 1 mm at 1 m, with the square of depth: our choice. Microsoft promises at most 17 mm, Tölgyessy et al. (2021)
-    ///   confirm that limit. 1.5 px: our choice.
-    /// - Every second pixel beside an edge flies, every fifth is invalid: our choice. Tölgyessy et al. describe
-    ///   flying pixels.
-    /// - 0.70 rad: our round form of the hexagon in which the narrow mode has depth (75° × 65°).
-    /// - Loss: that of [`StereoNoise::D435_REAL`]. Unknown.
-    pub const AZURE: Self = Self {
-        focal_px: 504.0,
-        std_at_1_m: 0.001,
-        smooth_cell_px: 1.5,
-        flying_share: 0.5,
-        invalid_share: 0.2,
-        view_rad: 0.70,
-        depth_step_m: 0.001,
-        loss: StereoNoise::D405.loss,
     };
 }
