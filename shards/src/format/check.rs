@@ -2,8 +2,8 @@
 //! of the generator nor one of the reader becomes data.
 
 use schema::{
-    Approach, AttemptRecord, Axis, Drawn, Gripper, HitKind, ObjectRecord, ObjectShape, Outcome, Pose, SceneRecord,
-    SceneRows, Shape, Solid, Vec3, View, along_normal, pose_from_parts,
+    AttemptRecord, Axis, Gripper, HitKind, ObjectRecord, ObjectShape, Outcome, Pose, SceneRecord, SceneRows, Shape,
+    Solid, View,
 };
 
 use crate::DatasetInfo;
@@ -14,10 +14,6 @@ const QUATERNION_TOLERANCE: f32 = 1e-4;
 const POSITION_M_MAX: f32 = 10.0;
 /// An opening may exceed its range by this, in metres, because contacts are slightly soft.
 const WIDTH_TOLERANCE_M: f32 = 0.002;
-/// A grasp may lie this far from where its drawn values put it, in metres …
-const PLACEMENT_TOLERANCE_M: f32 = 1e-5;
-/// … and the cosines of the angles between the axes may differ from 1 by this.
-const PLACEMENT_TOLERANCE: f32 = 1e-6;
 /// Maximum number of camera poses of a scene.
 pub(crate) const VIEWS_MAX: usize = 256;
 /// Observed TSDF values are in this range: (±0.98 + 1) / 2 with a tolerance for rounding.
@@ -180,7 +176,7 @@ pub(crate) fn scene_rows(rows: &SceneRows, info: &DatasetInfo) -> Checked {
 }
 
 /// Checks the keys among the rows of one scene: ids count up from 0, and attempts refer to objects of their shape.
-fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
+pub(crate) fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
     count("object_count", scene.object_count, objects.len())?;
     count("attempt_count", scene.attempt_count, attempts.len())?;
     for (expected, object) in (0..).zip(objects) {
@@ -207,76 +203,6 @@ fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[AttemptRecor
         })?;
     }
     Ok(())
-}
-
-/// Checks that the joined rows of a scene fit together: their keys, and every grasp its target.
-pub(crate) fn joined(rows: &SceneRows) -> Checked {
-    links(&rows.scene, &rows.objects, &rows.attempts)?;
-    placements(&rows.objects, &rows.attempts)
-}
-
-/// Checks that every grasp lies on its target as its drawn values say. The rows have passed [`links`].
-fn placements(objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
-    attempts.iter().try_for_each(|attempt| placement(attempt, &objects[attempt.object_id as usize]))
-}
-
-fn placement(attempt: &AttemptRecord, target: &ObjectRecord) -> Checked {
-    let AttemptRecord { attempt_id, rule, closing, tilt_rad, turn_rad, depth_m, slide_m, .. } = *attempt;
-    let Some((approach, closing)) = rule.approach.axis().zip(closing) else {
-        return if rule.approach == Approach::Normal { along_a_normal(attempt, target) } else { undrawn(attempt) };
-    };
-    // The other half turn about the approach is the same grasp, drawn with the opposite signs.
-    let [first, second] = [1.0, -1.0].map(|sign| {
-        let (turn_rad, tilt_rad, slide_m) = (sign * turn_rad, sign * tilt_rad, sign * slide_m);
-        let drawn = Drawn { approach, closing, turn_rad, tilt_rad, depth_m, slide_m };
-        is_at(attempt, &drawn.workspace_from_grasp(&target.workspace_from_object))
-    });
-    first.or(second).map_err(|apart| {
-        format!("attempt {attempt_id} must lie where its tilt_rad, turn_rad, depth_m and slide_m put it, got {apart}")
-    })
-}
-
-/// A grasp that no numbers about its target place.
-fn undrawn(attempt: &AttemptRecord) -> Checked {
-    let AttemptRecord { attempt_id, rule, tilt_rad, turn_rad, depth_m, slide_m, .. } = attempt;
-    let drawn = [*tilt_rad, *turn_rad, *depth_m, *slide_m];
-    must(drawn == [0.0; 4], || {
-        let name = rule.approach.name();
-        format!("attempt {attempt_id} ({name}) must have no tilt, turn, depth and slide, got {drawn:?}")
-    })
-}
-
-/// The same along a normal. The surface of a model is not known here, so the depth is held against a solid's only.
-fn along_a_normal(attempt: &AttemptRecord, target: &ObjectRecord) -> Checked {
-    let AttemptRecord { attempt_id, tilt_rad, turn_rad, depth_m, slide_m, workspace_from_grasp: grasp, .. } = attempt;
-    must(*tilt_rad == 0.0 && *slide_m == 0.0, || {
-        format!("attempt {attempt_id} must have no tilt and no slide along a normal, got {tilt_rad} and {slide_m}")
-    })?;
-    let normal = grasp.rotation * Vec3::NEG_Z;
-    is_at(attempt, &pose_from_parts(along_normal(normal, *turn_rad), grasp.translation))
-        .map_err(|apart| format!("attempt {attempt_id} must be turned by its turn_rad, got {apart}"))?;
-    let Some(solid) = target.shape.as_solid() else { return Ok(()) };
-    let touch_m = target.workspace_from_object.inverse_transform_point(grasp.translation + normal * *depth_m);
-    let outside_m =
-        solid.planes().iter().map(|plane| plane.normal.dot(touch_m) - plane.offset_m).fold(f32::MIN, f32::max);
-    // Where no visible point was found, the gripper comes down on the object's centre.
-    let is_there = outside_m.abs() <= PLACEMENT_TOLERANCE_M || touch_m.length() <= PLACEMENT_TOLERANCE_M;
-    must(is_there, || {
-        format!(
-            "attempt {attempt_id} must begin at its target's surface, depth_m before its tips, got {outside_m} m outside"
-        )
-    })
-}
-
-/// Whether a grasp is at a pose, up to half a turn; otherwise how far it is from there.
-fn is_at(attempt: &AttemptRecord, pose: &Pose) -> Checked {
-    let grasp = &attempt.workspace_from_grasp;
-    let apart_m = (pose.translation - grasp.translation).length();
-    let [z, y] = [Vec3::Z, Vec3::Y].map(|axis| (pose.rotation * axis).dot(grasp.rotation * axis));
-    let cosine = z.min(y.abs());
-    must(apart_m <= PLACEMENT_TOLERANCE_M && cosine >= 1.0 - PLACEMENT_TOLERANCE, || {
-        format!("{apart_m} m and {} rad from there", libm::acosf(cosine.min(1.0)))
-    })
 }
 
 fn count(name: &str, said: u32, found: usize) -> Checked {
@@ -325,53 +251,5 @@ mod tests {
         let rows = |seed| synthetic::scene_rows(1, seed, &info);
         assert_eq!(rows(3), rows(3));
         assert_ne!(rows(3).attempts, rows(4).attempts);
-    }
-
-    #[test]
-    fn what_was_drawn_is_held_against_the_pose() {
-        let mut info = info(3, 2, 600, 20);
-        info.grid.resolution = 8;
-        let rows = synthetic::scene_rows(1, info.seed, &info);
-        let changes: [fn(&mut AttemptRecord); 5] = [
-            |row| row.tilt_rad += 0.01,
-            |row| row.turn_rad += 0.01,
-            |row| row.depth_m += 1e-4,
-            |row| row.slide_m -= 1e-4,
-            |row| row.workspace_from_grasp.translation.y += 1e-4,
-        ];
-        for change in changes {
-            let mut changed = rows.clone();
-            change(&mut changed.attempts[3]);
-            let wrong = placements(&changed.objects, &changed.attempts).unwrap_err();
-            assert!(wrong.starts_with("attempt 3 must lie where its tilt_rad, turn_rad"), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn along_a_normal_turn_and_depth_are_held_against_the_solid() {
-        let solid = Solid::new(schema::ShapeKind::Cuboid, Vec3::new(0.04, 0.05, 0.06)).unwrap();
-        let target = ObjectRecord {
-            scene_id: 0,
-            object_id: 0,
-            shape: solid.into(),
-            mass_kg: 0.1,
-            friction: 1.0,
-            workspace_from_object: Pose::from_translation(Vec3::new(0.1, 0.1, 0.08)),
-        };
-        let mut rows = synthetic::scene_rows(1, 3, &info(3, 2, 600, 20));
-        let mut row = rows.attempts.remove(0);
-        (row.rule.approach, row.closing) = (Approach::Normal, None);
-        (row.tilt_rad, row.turn_rad, row.depth_m, row.slide_m) = (0.0, 0.5, 0.02, 0.0);
-        // The top's middle is at (0.1, 0.1, 0.11).
-        row.workspace_from_grasp = pose_from_parts(along_normal(Vec3::Z, 0.5), Vec3::new(0.1, 0.1, 0.09));
-        placement(&row, &target).unwrap();
-        let wrong = |change: fn(&mut AttemptRecord)| {
-            let mut changed = row.clone();
-            change(&mut changed);
-            placement(&changed, &target).unwrap_err()
-        };
-        assert!(wrong(|row| row.turn_rad = 0.6).contains("must be turned by its turn_rad"));
-        assert!(wrong(|row| row.depth_m = 0.03).contains("must begin at its target's surface"));
-        assert!(wrong(|row| row.tilt_rad = 0.1).contains("must have no tilt"));
     }
 }

@@ -290,7 +290,7 @@ impl Dataset {
         let scenes = self.scenes_with(shard, (!grids).then_some("tsdf"), None)?;
         Ok(self.joined(shard, scenes, self.attempts(shard, None)?)?.map(move |rows| {
             let rows = rows?;
-            check::joined(&rows)
+            check::links(&rows.scene, &rows.objects, &rows.attempts)
                 .map_err(|e| self.wrong(shard, Table::Attempts, &format!("scene {}: {e}", rows.scene.scene_id)))?;
             Ok(rows)
         }))
