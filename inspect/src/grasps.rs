@@ -12,7 +12,7 @@ use shards::{PlainColumn, plain_table, pose_columns};
 
 use program::Failure;
 
-pub use given::GivenGrasps;
+pub use given::given_grasps;
 pub use page::browse_grasps;
 pub use stored::{grasp_sets, read_grasp_set};
 

@@ -21,7 +21,7 @@ mod synthetic;
 mod view;
 
 pub use browse::browse;
-pub use grasps::{GivenGrasps, browse_grasps, grasp_columns, grasp_sets, grasps_info, grasps_table, read_grasp_set};
+pub use grasps::{browse_grasps, given_grasps, grasp_columns, grasp_sets, grasps_info, grasps_table, read_grasp_set};
 pub use replay::{Replays, failure_page, replayed};
 pub use spread::spread;
 pub use statistics::{Bin, Group, OutcomeGroup, Report, TableSize, report};

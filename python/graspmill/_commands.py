@@ -184,8 +184,6 @@ def _neutral(file: str, gripper: str, folder: str) -> tuple[str, str | None]:
     arrow, parquet = module("pyarrow", "--relabel"), module("pyarrow.parquet", "--relabel")
     numbers = [*grasps.object_from_grasp[:, :3, 3].T, *_arrays.quaternions(grasps.object_from_grasp[:, :3, :3]).T]
     columns = {name: arrow.array(column, arrow.float32()) for name, column in zip(("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), numbers)}
-    if grasps.held is not None:
-        columns["held"] = arrow.array(grasps.held.astype("uint64"))
     table = os.path.join(folder, "given.parquet")
     parquet.write_table(arrow.table(columns), table, compression="zstd")
     return table, repr(grasps.scale_m) if grasps.info["format"] in WITH_SCALE else None

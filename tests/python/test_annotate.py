@@ -109,12 +109,7 @@ def test_files_of_others_are_labelled_by_the_program(drawn_files, form):
         assert "between the open fingers" not in annotated(drawn_files, "--relabel", file, *scale, "--out", form)
     drawn, again = (graspmill.ObjectGrasps.load(drawn_files / folder / "brick.parquet") for folder in ("drawn", form))
     if form in ("molmospaces", "graspnet"):  # without labels, and only what held
-        assert again.info["agreement"] is None
         drawn = drawn.subset(drawn.held)
-    else:
-        assert again.info["agreement"]["grasps"] == 60 and again.info["agreement"]["given_held"] == drawn.held.sum() > 10
-        # A pose that went through a matrix is off by rounding.
-        assert again.info["agreement"]["same"] >= 58 and again.info["agreement"]["kappa"] > 0.85
     np.testing.assert_allclose(again.object_from_grasp, drawn.object_from_grasp, atol=2e-6)
     assert again.scale_m == pytest.approx(0.001) and (again.held == drawn.held).mean() > 0.95
 

@@ -7,14 +7,14 @@ use std::sync::atomic::Ordering;
 use clap::{Args, value_parser};
 use generator::{AnnotateParams, Annotated, GraspShares, annotate, relabel};
 use indicatif::ProgressBar;
-use inspect::{GivenGrasps, grasp_sets, grasps_info, grasps_table};
+use inspect::{given_grasps, grasp_sets, grasps_info, grasps_table};
 use network::checkpoint::digest;
 use program::text::percent;
 use program::{
     Context as _, ExitCode, Failure, FolderLock, differences, print, print_error, start_threads, stop_on_signals, write,
 };
 use report::document::{Block, Cell, Document, Table};
-use schema::{GripTest, Gripper};
+use schema::{GripTest, Gripper, Pose};
 use serde_json::{Value, json};
 
 use super::import::{MeshOptions, tell, tell_left_out};
@@ -154,9 +154,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         return Err(others_do("writes --format", "[grasps]"));
     }
     let mut params = arguments.params(named(&arguments.gripper)?);
-    let given = arguments.relabel.as_deref().map(GivenGrasps::read).transpose()?;
+    let given = arguments.relabel.as_deref().map(given_grasps).transpose()?;
     if let Some(given) = &given {
-        params.grasps = given.object_from_grasps.len();
+        params.grasps = given.len();
     }
     start_threads(arguments.threads)?;
     let on_first = || print_error("stopping: abandoning the object under way; a second signal stops at once");
@@ -175,7 +175,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let _lock = FolderLock::take(&arguments.out)?;
     // All are asked for before the first is made: a refusal must not come after hours.
     let plan = |object: &Annotated| -> Result<_, Failure> {
-        let settings = settings(object, &params, given.as_ref());
+        let settings = settings(object, &params, given.as_deref());
         Ok((earlier(&arguments.out, object.object.body.name(), &settings)?, settings))
     };
     let planned = objects.iter().map(plan).collect::<Result<Vec<_>, _>>()?;
@@ -191,7 +191,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         };
         let info = match done {
             Some(done) => Some(done),
-            None => made(object, &params, given.as_ref(), settings, &arguments.out, &mut go_on)?,
+            None => made(object, &params, given.as_deref(), settings, &arguments.out, &mut go_on)?,
         };
         let Some(info) = info else {
             bar.finish_and_clear();
@@ -215,19 +215,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 fn made(
     object: &Annotated,
     params: &AnnotateParams,
-    given: Option<&GivenGrasps>,
+    given: Option<&[Pose]>,
     settings: Value,
     out: &Path,
     go_on: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Option<Value>, Failure> {
     let set = match given {
-        Some(given) => relabel(object, params, &given.object_from_grasps, go_on),
+        Some(given) => relabel(object, params, given, go_on),
         None => annotate(object, params, go_on),
     };
     let Some(set) = set else { return Ok(None) };
     let table = grasps_table(&set)?;
     let mut info = grasps_info(&set);
-    info["agreement"] = given.and_then(|given| given.agreement(&set)).unwrap_or_default();
     info["settings_sha256"] = json!(digest(settings.to_string().as_bytes()));
     info["settings"] = settings;
     info["table_sha256"] = json!(digest(&table));
@@ -244,7 +243,7 @@ fn files(out: &Path, name: &str) -> [PathBuf; 2] {
 }
 
 /// Everything that a set depends on.
-fn settings(object: &Annotated, params: &AnnotateParams, given: Option<&GivenGrasps>) -> Value {
+fn settings(object: &Annotated, params: &AnnotateParams, given: Option<&[Pose]>) -> Value {
     let body = &object.object.body;
     let body = body.mesh().map_or_else(|| format!("{body:?}"), |mesh| format!("{body:?} {mesh:?}"));
     json!({
@@ -340,9 +339,8 @@ fn document(infos: &[Value], left_out: usize, out: &Path) -> Document {
         texts.map(|text| format!("{}: {text}", name(info))).collect::<Vec<_>>()
     };
     let [grasps, held] = ["/grasps", "/outcomes/held"].map(|at| infos.iter().map(|info| number(info, at)).sum::<u64>());
-    let agreement = infos.iter().find_map(|info| agreement_text(&info["agreement"]));
     let plural = if infos.len() == 1 { "" } else { "s" };
-    let mut blocks = vec![
+    let blocks = vec![
         Block::Table(Table::new(head, infos.iter().map(row))),
         Block::Warnings(infos.iter().flat_map(said).chain(few).collect()),
         Block::Text(format!(
@@ -351,17 +349,5 @@ fn document(infos: &[Value], left_out: usize, out: &Path) -> Document {
             out.display()
         )),
     ];
-    blocks.extend(agreement.map(Block::Text));
     Document { blocks, ..Document::default() }
-}
-
-/// How far the labels of a file that was relabelled agree with ours.
-fn agreement_text(agreement: &Value) -> Option<String> {
-    let (same, all) = (agreement["same"].as_u64()?, agreement["grasps"].as_u64()?);
-    let share = percent(same as f64 / all.max(1) as f64);
-    let kappa = agreement["kappa"].as_f64().map_or("not defined".to_owned(), |kappa| format!("{kappa:.3}"));
-    let theirs = &agreement["given_held"];
-    Some(format!(
-        "{same} of {all} labels ({share}) are those of the file, in which {theirs} held; Cohen's kappa {kappa}"
-    ))
 }

@@ -196,7 +196,7 @@ fn what_cannot_be_grasped_or_read_is_listed_and_the_rest_goes_on() {
 }
 
 #[test]
-fn grasps_of_a_file_are_labelled_again_and_agree_with_themselves() {
+fn grasps_of_a_file_are_labelled_again_as_before() {
     let dir = objects();
     let brick = ["brick.obj", "--scale", "0.001"];
     check_ok(&annotate(&dir, &[&brick[..], &["--out", "drawn"]].concat()));
@@ -208,10 +208,7 @@ fn grasps_of_a_file_are_labelled_again_and_agree_with_themselves() {
     let drawn = info(&dir.path().join("drawn/brick.json"));
     let said = check_ok(&relabel("drawn/brick.parquet", "again"));
     let again = info(&dir.path().join("again/brick.json"));
-    let all = &drawn["grasps"];
-    assert_eq!([&again["agreement"]["same"], &again["agreement"]["grasps"], &again["grasps"]], [all, all, all]);
-    assert_eq!(again["agreement"]["given_held"], drawn["outcomes"]["held"]);
-    assert!(again["agreement"]["kappa"] == 1.0 && said.contains("Cohen's kappa"), "{said}");
+    assert_eq!([&again["grasps"], &again["outcomes"]["held"]], [&drawn["grasps"], &drawn["outcomes"]["held"]]);
     assert!(!said.contains("between the open fingers"), "{said}");
     // The same once more; the labels of another file are others.
     check_ok(&relabel("drawn/brick.parquet", "again"));
