@@ -50,15 +50,10 @@ pub fn sources(paths: &[PathBuf], described: Option<&Path>) -> Result<Vec<Source
     found.retain(|file| !file.canonicalize().is_ok_and(|file| parts.contains(&file)));
     let mut once = BTreeSet::new();
     found.retain(|file| once.insert(whole(file)));
-    // Whatever is in the one folder that is given is below it: its name tells nothing apart.
-    let above = match paths {
-        [folder] if folder.is_dir() => way(folder).len(),
-        _ => 0,
-    };
     let below = |file: PathBuf| {
         let mut way = way(&file);
         way.pop();
-        (file, way.into_iter().skip(above).collect::<Vec<_>>())
+        (file, way)
     };
     let named = named(one_format(found).into_iter().map(below).collect()).into_iter();
     Ok(named.map(|(name, file)| Source { name, described: of(&file).cloned(), file }).collect())
@@ -124,9 +119,9 @@ fn way(path: &Path) -> Vec<String> {
     way
 }
 
-/// Gives every file a name. Of a name that files in several folders would have, each takes the name of its folder,
-/// without the folders that all of them have, as long as necessary; then a number. Capital letters make no other name:
-/// not every disk tells such files apart.
+/// Gives every file a name. Before a name that files in several folders would have come the folders that not all of
+/// them have; they stand alone if it is the only such name. Then a number. Capital letters make no other name: not every
+/// disk tells such files apart.
 fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<(String, PathBuf)> {
     let stem = |file: &Path| plain(&file.file_stem().map_or_else(Default::default, |stem| stem.to_string_lossy()));
     let small = |name: &str| name.to_ascii_lowercase();
@@ -134,22 +129,20 @@ fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<(String, PathBuf)> {
     for (file, way) in &found {
         ways.entry(small(&stem(file))).or_default().insert(way.clone());
     }
+    let is_one = ways.values().filter(|all| all.len() > 1).count() == 1;
     let base = |(file, way): &(PathBuf, Vec<String>)| {
-        let (stem, all) = (stem(file), &ways[&small(&stem(file))]);
-        if all.len() == 1 { stem } else { by_folder(&stem, way, all) }
+        let stem = stem(file);
+        match folders(way, &ways[&small(&stem)]) {
+            folders if folders.is_empty() => stem,
+            folders if is_one => folders,
+            folders => format!("{folders}_{stem}"),
+        }
     };
-    // A folder of many such files is no name for any of them.
-    let mut stems: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for one in &found {
-        stems.entry(small(&base(one))).or_default().insert(small(&stem(&one.0)));
-    }
     let mut order: Vec<usize> = (0..found.len()).collect();
     order.sort_by_cached_key(|place| whole(&found[*place].0));
     let (mut taken, mut names) = (BTreeSet::new(), vec![String::new(); found.len()]);
     for place in order {
-        let (stem, base) = (stem(&found[place].0), base(&found[place]));
-        let is_shared = stems[&small(&base)].len() > 1 && base != stem;
-        let base = if is_shared { format!("{base}_{stem}") } else { base };
+        let base = base(&found[place]);
         // The end of a name tells more than its beginning.
         let cut = |text: &str, most: usize| text[text.len().saturating_sub(most)..].to_owned();
         let mut name = cut(&base, NAME_MAX);
@@ -165,23 +158,12 @@ fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<(String, PathBuf)> {
     names.into_iter().zip(found.into_iter().map(|(file, _)| file)).collect()
 }
 
-/// The name of a file by the folders on its way, where files at `all` ways have the same `stem`.
-fn by_folder(stem: &str, way: &[String], all: &BTreeSet<Vec<String>>) -> String {
-    let shared = (1..).take_while(|n| all.iter().all(|other| other.len() >= *n && ends(other, *n) == ends(way, *n)));
-    let kept = |way: &[String], shared: usize| way[..way.len().saturating_sub(shared)].to_vec();
-    let shared = shared.last().unwrap_or(0);
-    let (own, others) = (kept(way, shared), all.iter().map(|other| kept(other, shared)).collect::<Vec<_>>());
-    for count in 1..=own.len() {
-        if others.iter().filter(|other| ends(other, count) == ends(&own, count)).count() == 1 {
-            return ends(&own, count).join("_");
-        }
-    }
-    stem.to_owned()
-}
-
-/// The last folders of a way.
-fn ends(way: &[String], count: usize) -> &[String] {
-    &way[way.len().saturating_sub(count)..]
+/// The folders on a way, without those that all of some ways have at their beginning or at their end.
+fn folders(way: &[String], all: &BTreeSet<Vec<String>>) -> String {
+    let begin = (0..way.len()).take_while(|n| all.iter().all(|other| other.get(*n) == way.get(*n))).count();
+    let ends = |n: &usize| all.iter().all(|other| other[begin..].ends_with(&way[way.len() - n..]));
+    let end = (1..=way.len() - begin).take_while(ends).count();
+    way[begin..way.len() - end].join("_")
 }
 
 /// A name of characters that need no quotes as a key of a table.
@@ -203,7 +185,7 @@ mod tests {
     fn files_of_one_name_are_named_by_their_folders() {
         let ycb = ["002_chef_can/google_16k/textured.obj", "025_mug/google_16k/textured.obj"];
         assert_eq!(names(&ycb), ["002_chef_can", "025_mug"]);
-        assert_eq!(names(&["a/x/m.obj", "b/x/m.obj", "a/y/m.obj"]), ["a_x", "b_x", "y"]);
+        assert_eq!(names(&["a/x/m.obj", "b/x/m.obj", "a/y/m.obj"]), ["a_x", "b_x", "a_y"]);
         assert_eq!(names(&["a/bowl.obj", "b/Cup 1.obj", "c/plate-A.obj"]), ["bowl", "Cup_1", "plate-A"]);
         assert_eq!(names(&["a/mesh.obj", "mesh.obj"]), ["a", "mesh"]);
         assert_eq!(
