@@ -64,8 +64,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "METRES", default_value_t = 0.003, value_parser = between(0.0..=0.02_f32))]
     touch: f32,
 
-    /// Shares of grasps between facing points, along normals, and displaced by up to 30 mm and 30 degrees;
-    /// or those of acronym or graspdatagen
+    /// Shares of grasps between facing points, along normals, and displaced by up to 30 mm and 30 degrees
     #[arg(long, value_name = "A,N,D", default_value = "0.8,0.1,0.1", value_parser = shares)]
     shares: GraspShares,
 
@@ -109,24 +108,14 @@ pub(crate) struct Arguments {
     options: MeshOptions,
 }
 
-/// Shares as others have them: ACRONYM samples between facing points without collisions; of GraspDataGen's guesses one
-/// in five collides (64 and 16 by default).
-const OTHERS: [(&str, GraspShares); 2] = [
-    ("acronym", GraspShares { antipodal: 1.0, normal: 0.0, displaced: 0.0 }),
-    ("graspdatagen", GraspShares { antipodal: 0.8, normal: 0.0, displaced: 0.2 }),
-];
-
-/// Three shares of at least 0 that are not all 0, or those of others by name.
+/// Three shares of at least 0 that are not all 0.
 fn shares(text: &str) -> Result<GraspShares, String> {
-    if let Some((_, shares)) = OTHERS.iter().find(|(name, _)| *name == text) {
-        return Ok(*shares);
-    }
     let numbers: Result<Vec<f32>, String> = text.split(',').map(|part| between(0.0..=1.0_f32)(part.trim())).collect();
     match numbers.as_deref() {
         Ok(&[antipodal, normal, displaced]) if antipodal + normal + displaced > 0.0 => {
             Ok(GraspShares { antipodal, normal, displaced })
         }
-        _ => Err(format!("must be three numbers from 0 to 1 that are not all 0, acronym or graspdatagen, got {text}")),
+        _ => Err(format!("must be three numbers from 0 to 1 that are not all 0, got {text}")),
     }
 }
 
