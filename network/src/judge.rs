@@ -95,7 +95,8 @@ impl Scope {
         let spans = grippers.iter().any(|gripper| gripper.numbers() != grippers[0].numbers());
         let spans = spans.then(|| std::array::from_fn(span));
         // Where a gripper is mounted decides no label, and judges see grippers of three boxes.
-        let gripper = Gripper { flange_from_grasp: None, finger_tip: None, ..grippers[0].clone() };
+        let first = grippers[0].clone();
+        let gripper = Gripper { flange_from_grasp: None, joint: None, finger_tip: None, jaws: Vec::new(), ..first };
         Self { gripper, grippers: spans, pregrasp_distance_m, grid, robustness }
     }
 

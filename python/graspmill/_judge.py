@@ -118,7 +118,7 @@ def _scope(given: Mapping[str, Any], is_dataset: bool) -> dict[str, Any]:
         return dict(given)
     grippers = given.get("grippers") or [given["gripper"]]
     # Where a gripper is mounted decides no label, and judges see grippers of three boxes.
-    grippers = [{name: value for name, value in one.items() if name not in ("flange_from_grasp", "finger_tip")} for one in grippers]
+    grippers = [{key: one[key] for key in one if key not in ("flange_from_grasp", "finger_tip", "jaws")} for one in grippers]
     spans = [[pick(one[name] for one in grippers) for pick in (min, max)] for name in grippers[0] if name != "name"]
     several = {"hands": spans} if any(low != high for low, high in spans) else {}
     way = {"pregrasp_distance_m": given["procedure"]["pregrasp_distance_m"], "grid": given["grid"]}

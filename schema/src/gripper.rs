@@ -1,4 +1,5 @@
-//! The gripper: a free-floating parallel jaw made of three boxes, or of five where its fingers have thinner tips.
+//! The gripper: a free-floating parallel jaw made of three boxes, or of five where its fingers have thinner tips; or one
+//! whose two jaws have boxes and ways of their own.
 //!
 //! In the grasp frame the fingers reach from z = −`finger_length_m` to z = 0 and open along y; the palm lies behind
 //! them. One gripper file serves the generator, the cross-check, the planner and the experiments.
@@ -8,7 +9,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use settings::{Document, Reader, Setting as _, Value, faults_of, hint, settings};
 
-use crate::{Pose, Quat, Vec3};
+use crate::{GripperBox, Jaw, JawPath, Pose, Quat, Vec3};
 
 settings! {
     /// A parallel-jaw gripper.
@@ -29,6 +30,10 @@ settings! {
         /// faces are straight.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub finger_tip: Option<FingerTip>; or None,
+        /// The jaw at −y and the one at +y, if they are other than fingers that slide alike along y. Judges, which see
+        /// parallel jaws, go by the lengths of the fingers.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub jaws: Vec<Jaw>; or Vec::new(),
         /// Palm length along z.
         pub palm_length_m: f32 where 0.001..=0.5,
         /// Palm width along x.
@@ -50,8 +55,23 @@ settings! {
         /// on it.
         #[serde(skip)]
         pub flange_from_grasp: Option<PoseParts>; or None,
+        /// What a driver says of the gripper at its widest opening and closed, `{ open, closed }`: for plans, which then
+        /// give what it is to be told. No dataset stores it.
+        #[serde(skip)]
+        pub joint: Option<Joint>; or None,
     }
-    check Gripper::has_tips_within_fingers
+    check Gripper::fits_together
+}
+
+settings! {
+    /// The positions of the joint of a gripper, in the unit of its driver.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Joint {
+        /// At the widest opening.
+        pub open: f32 where -1e4..=1e4,
+        /// Closed.
+        pub closed: f32 where -1e4..=1e4,
+    }
 }
 
 settings! {
@@ -96,14 +116,12 @@ impl PoseParts {
     }
 }
 
-/// A box of the gripper in the grasp frame, axes along the frame's.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct GripperBox {
-    /// Centre, in metres.
-    pub centre_m: Vec3,
-    /// Half lengths, in metres.
-    pub half_m: Vec3,
-}
+/// The tips of closed jaws may be so far apart or beyond each other, as a share of the opening.
+const CLOSED_OFF_MAX: f32 = 0.02;
+/// Places at which a jaw is looked at on its way.
+const SWEEP_STEPS: u16 = 16;
+/// As exactly as single precision has it.
+const SHARE_HALVINGS: usize = 24;
 
 impl Gripper {
     /// Names and files of the grippers that need no file.
@@ -117,14 +135,96 @@ impl Gripper {
         ("robotiq_hand_e", include_str!("../../configs/grippers/robotiq_hand_e.toml")),
     ];
 
-    fn has_tips_within_fingers(&self, reader: &mut Reader<'_>) {
-        let Some(tip) = self.finger_tip else { return };
-        for (key, got, most) in [
-            ("finger_tip.thickness_m", tip.thickness_m, self.finger_thickness_m),
-            ("finger_tip.length_m", tip.length_m, self.finger_length_m),
-        ] {
+    /// A fixed jaw is put so far beside what is to be gripped, beyond its clearance.
+    pub const BESIDE_M: f32 = 0.002;
+
+    fn fits_together(&self, reader: &mut Reader<'_>) {
+        for (key, got, most) in self.finger_tip.into_iter().flat_map(|tip| {
+            [
+                ("finger_tip.thickness_m", tip.thickness_m, self.finger_thickness_m),
+                ("finger_tip.length_m", tip.length_m, self.finger_length_m),
+            ]
+        }) {
             reader.must(key, got <= most, || format!("must be at most the finger's, {most}, got {got}"));
         }
+        let (count, opening_m) = (self.jaws.len(), self.opening_m_max);
+        reader.must("jaws", count == 0 || count == 2, || format!("must be two, got {count}"));
+        for (jaw, side) in self.jaws.iter().zip([-0.5, 0.5]) {
+            let key = if side < 0.0 { "jaws[0]" } else { "jaws[1]" };
+            reader.within(key, |reader| jaw.is_sound(Vec3::Y * (side * opening_m), reader));
+        }
+        let closed_m: f32 = self.reach_m(self.ways_m()).iter().sum();
+        reader.must("jaws", (closed_m / opening_m - 1.0).abs() <= CLOSED_OFF_MAX, || {
+            format!("must close by opening_m_max along y, {opening_m}, got {closed_m}")
+        });
+    }
+
+    /// The ways of the jaws, left (−y) and right.
+    #[must_use]
+    pub fn paths(&self) -> [JawPath; 2] {
+        let tips_m = [-0.5, 0.5].map(|side| Vec3::Y * (side * self.opening_m_max));
+        let alike = |tip_m: Vec3| Jaw { slide_m: (-tip_m).to_array(), ..Jaw::default() }.path(tip_m);
+        [0, 1].map(|side| self.jaws.get(side).map_or_else(|| alike(tips_m[side]), |jaw| jaw.path(tips_m[side])))
+    }
+
+    /// How far each tip goes until the gripper is closed, in metres.
+    #[must_use]
+    pub fn ways_m(&self) -> [f32; 2] {
+        self.paths().map(|path| path.way_m)
+    }
+
+    /// How far the tips are along y from where they are at the widest opening when they have come so far on their ways.
+    #[must_use]
+    pub fn reach_m(&self, closed_m: [f32; 2]) -> [f32; 2] {
+        if self.jaws.is_empty() {
+            return closed_m;
+        }
+        let paths = self.paths();
+        [0, 1].map(|side| [1.0, -1.0][side] * paths[side].tip_moved_m(closed_m[side]).y)
+    }
+
+    /// Opening between tips that have come so far on their ways, in metres.
+    #[must_use]
+    pub fn gap_m(&self, closed_m: [f32; 2]) -> f32 {
+        let [left, right] = self.reach_m(closed_m);
+        (self.opening_m_max - left - right).max(0.0)
+    }
+
+    /// The jaw that is fixed, if one is: left (0) or right.
+    #[must_use]
+    pub fn fixed_side(&self) -> Option<usize> {
+        self.jaws.iter().position(Jaw::is_fixed)
+    }
+
+    /// How far along y a gripper goes from where a thing is in its middle to where its fixed jaw, if it has one, is
+    /// beside that: [`Self::BESIDE_M`] and its clearance away.
+    #[must_use]
+    pub fn aside_m(&self, width_m: f32) -> f32 {
+        let way_m = (0.5 * (self.span_m() - width_m) - Self::BESIDE_M).max(0.0);
+        self.fixed_side().map_or(0.0, |side| [way_m, -way_m][side])
+    }
+
+    /// The share of both jaws' ways that leaves an opening between the tips.
+    fn share(&self, opening_m: f32) -> f32 {
+        let (ways_m, [mut low, mut high]) = (self.ways_m(), [0.0, 1.0]);
+        for _ in 0..SHARE_HALVINGS {
+            let middle = 0.5 * (low + high);
+            *if self.gap_m(ways_m.map(|way_m| middle * way_m)) > opening_m { &mut low } else { &mut high } = middle;
+        }
+        if opening_m < self.opening_m_max { high } else { 0.0 }
+    }
+
+    /// How far the tips have come on their ways when they leave such an opening.
+    fn closed_m(&self, opening_m: f32) -> [f32; 2] {
+        let share = self.share(opening_m);
+        self.ways_m().map(|way_m| share * way_m)
+    }
+
+    /// What a driver is to be told for an opening between the tips, if the gripper's file says what it is told at the
+    /// widest opening and closed; what lies between is even along the jaws' ways.
+    #[must_use]
+    pub fn joint_position(&self, opening_m: f32) -> Option<f32> {
+        self.joint.map(|Joint { open, closed }| open + self.share(opening_m) * (closed - open))
     }
 
     /// The widest that it takes between its fingers, in metres.
@@ -200,11 +300,17 @@ impl Gripper {
     }
 
     /// The two fingers (−y, then +y) with their inner faces `width_m` apart, as thick as their tips: what grips, and
-    /// all that physics moves. What is thicker behind the tips is outside of them.
+    /// all that physics moves. What is thicker behind the tips is outside of them. Of other jaws, where such fingers
+    /// would have the same tips.
     #[must_use]
     pub fn fingers(&self, width_m: f32) -> [GripperBox; 2] {
         let thickness_m = self.finger_tip.map_or(self.finger_thickness_m, |tip| tip.thickness_m);
-        self.fingers_behind(width_m, thickness_m, 0.0)
+        if self.jaws.is_empty() {
+            return self.fingers_behind(width_m, thickness_m, 0.0);
+        }
+        let open = self.fingers_behind(self.opening_m_max, thickness_m, 0.0);
+        let (paths, closed_m) = (self.paths(), self.closed_m(width_m));
+        [0, 1].map(|side| open[side].moved(paths[side].tip_moved_m(closed_m[side])))
     }
 
     /// The fingers but for so much of their tips.
@@ -233,62 +339,62 @@ impl Gripper {
     /// The whole gripper, as [`Self::open_gripper`] has it, with the fingers' inner faces `width_m` apart.
     #[must_use]
     pub fn boxes(&self, width_m: f32) -> Vec<GripperBox> {
-        let thick = self.finger_tip.map(|tip| self.fingers_behind(width_m, self.finger_thickness_m, tip.length_m));
-        let boxes = self.fingers(width_m).into_iter().chain([self.palm()]);
-        boxes.chain(thick.into_iter().flatten()).collect()
+        self.parts(self.closed_m(width_m)).into_iter().map(|(_, part)| part).collect()
+    }
+
+    /// What grips of each jaw, and all that physics moves: its boxes as they are given ([`JawPath::pose_of_boxes`]).
+    #[must_use]
+    pub fn jaw_boxes(&self) -> [Vec<GripperBox>; 2] {
+        let thickness_m = self.finger_tip.map_or(self.finger_thickness_m, |tip| tip.thickness_m);
+        let fingers = self.fingers_behind(self.opening_m_max, thickness_m, 0.0);
+        let paths = self.paths();
+        [0, 1].map(|side| match self.jaws.get(side) {
+            Some(jaw) if !jaw.boxes.is_empty() => jaw.given(&paths[side]).collect(),
+            _ => vec![fingers[side]],
+        })
+    }
+
+    /// What grips of a jaw, once its tip has come so far on its way; where it is turned, covered by boxes.
+    #[must_use]
+    pub fn jaw_at(&self, side: usize, closed_m: f32) -> Vec<GripperBox> {
+        let pose = self.paths()[side].pose_of_boxes(closed_m);
+        self.jaw_boxes()[side].iter().flat_map(|part| part.covered(&pose)).collect()
+    }
+
+    /// All that this passes on that way: of one that goes along y exactly, of another at [`SWEEP_STEPS`] places.
+    #[must_use]
+    pub fn jaw_sweep(&self, side: usize, closed_m: f32) -> Vec<GripperBox> {
+        let path = self.paths()[side];
+        if path.is_along_y() {
+            let way_m = path.pose(closed_m).translation;
+            return self.jaw_boxes()[side].iter().map(|part| part.swept(way_m)).collect();
+        }
+        let share = |step: u16| f32::from(step) / f32::from(SWEEP_STEPS);
+        (0..=SWEEP_STEPS).flat_map(|step| self.jaw_at(side, share(step) * closed_m)).collect()
+    }
+
+    /// All of [`Self::open_gripper`], once the tips have come so far on their ways, and what each box belongs to: the
+    /// left jaw (0), the right one or the palm. Boxes of a jaw that is turned are covered by several, each at most 4 mm
+    /// long.
+    #[must_use]
+    pub fn parts(&self, closed_m: [f32; 2]) -> Vec<(usize, GripperBox)> {
+        let (paths, [left, right]) = (self.paths(), self.jaw_boxes().map(Vec::into_iter));
+        let behind =
+            self.finger_tip.map(|tip| self.fingers_behind(self.opening_m_max, self.finger_thickness_m, tip.length_m));
+        let behind = behind.into_iter().flatten().enumerate();
+        let behind = behind.filter(|(side, _)| self.jaws.get(*side).is_none_or(|jaw| jaw.boxes.is_empty()));
+        let jaws = left.map(|part| (0, part)).chain(right.map(|part| (1, part)));
+        let placed = |(of, part): (usize, GripperBox)| {
+            let pose = paths.get(of).map_or(Pose::IDENTITY, |path| path.pose_of_boxes(closed_m[of]));
+            part.covered(&pose).into_iter().map(move |part| (of, part))
+        };
+        jaws.chain([(2, self.palm())]).chain(behind).flat_map(placed).collect()
     }
 
     /// The robot's flange in the frame in which a grasp is given, if the gripper's file says where it is.
     #[must_use]
     pub fn target_from_flange(&self, target_from_grasp: &Pose) -> Option<Pose> {
         self.flange_from_grasp.map(|flange_from_grasp| *target_from_grasp * flange_from_grasp.pose().inverse())
-    }
-}
-
-impl GripperBox {
-    /// The box lengthened backwards by `distance_m` along −z: everything it passes on a straight approach of that
-    /// length.
-    #[must_use]
-    pub fn swept_back(&self, distance_m: f32) -> Self {
-        self.swept(Vec3::new(0.0, 0.0, -distance_m))
-    }
-
-    /// The box moved.
-    #[must_use]
-    pub fn moved(&self, way_m: Vec3) -> Self {
-        Self { centre_m: self.centre_m + way_m, ..*self }
-    }
-
-    /// The box lengthened by a way along one of its axes: everything that it passes.
-    #[must_use]
-    pub fn swept(&self, way_m: Vec3) -> Self {
-        let half_m = 0.5 * way_m;
-        Self { centre_m: self.centre_m + half_m, half_m: self.half_m + half_m.abs() }
-    }
-
-    /// Height of its lowest corner in the workspace.
-    #[must_use]
-    pub fn lowest_z_m(&self, workspace_from_grasp: &Pose) -> f32 {
-        let centre = workspace_from_grasp.transform_point(self.centre_m);
-        let rotation = workspace_from_grasp.rotation;
-        let reach = [Vec3::X, Vec3::Y, Vec3::Z]
-            .into_iter()
-            .map(|axis| (rotation * axis).z.abs() * axis.dot(self.half_m))
-            .sum::<f32>();
-        centre.z - reach
-    }
-
-    /// Whether a ball comes near it.
-    #[must_use]
-    pub fn is_near(&self, centre_m: Vec3, radius_m: f32) -> bool {
-        let outside = ((centre_m - self.centre_m).abs() - self.half_m).max(Vec3::ZERO);
-        outside.length_squared() <= radius_m * radius_m
-    }
-
-    /// The box grown by `margin_m` on every side.
-    #[must_use]
-    pub fn grown(&self, margin_m: f32) -> Self {
-        Self { half_m: self.half_m + Vec3::splat(margin_m), ..*self }
     }
 }
 

@@ -87,7 +87,9 @@ impl RandomGrippers {
                 friction: within(self.friction),
                 clearance_m: within(self.clearance_m),
                 finger_tip: None,
+                jaws: Vec::new(),
                 flange_from_grasp: None,
+                joint: None,
             }
         };
         (0..self.count).map(gripper).collect()

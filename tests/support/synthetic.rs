@@ -49,7 +49,9 @@ fn gripper() -> Gripper {
         friction: 1.0,
         clearance_m: 0.001,
         finger_tip: None,
+        jaws: Vec::new(),
         flange_from_grasp: None,
+        joint: None,
     }
 }
 

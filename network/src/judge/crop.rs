@@ -179,8 +179,8 @@ impl Crop {
     /// How a judge sees this gripper, which starts `pregrasp_distance_m` behind its grasp, in this grid.
     #[must_use]
     pub fn new(gripper: &Gripper, pregrasp_distance_m: f32, grid: &Grid) -> Self {
-        // Judges know grippers of three boxes, with fingers that are as thick at their tips.
-        let open = Gripper { finger_tip: None, ..gripper.clone() }.open_gripper();
+        // Judges know grippers of three boxes, with fingers that are as thick at their tips and slide alike.
+        let open = Gripper { finger_tip: None, jaws: Vec::new(), ..gripper.clone() }.open_gripper();
         let sweep: Vec<GripperBox> = open.iter().map(|b| b.swept_back(pregrasp_distance_m)).collect();
         let low = sweep.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = sweep.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
