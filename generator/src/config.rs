@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use perception::{SensorParams, ViewKind};
-use schema::{CameraParams, Grid, Grippers, Physics, Procedure, SettleParams, ShapeKind, TsdfParams, Vec3, ViewParams};
+use schema::{
+    CameraParams, Engine, Grid, Grippers, Physics, Procedure, SettleParams, ShapeKind, TsdfParams, Vec3, ViewParams,
+};
 use serde::Serialize;
 use settings::{Document, Reader, settings, words};
 use toml::Value;
@@ -273,7 +275,8 @@ impl Config {
 
     /// Checks across sections.
     fn keys_agree(&self, reader: &mut Reader<'_>) {
-        let Self { shards, attempts, attempts_per_scene, sampler, gripper, grid, objects, procedure, .. } = self;
+        let Self { shards, attempts, attempts_per_scene, sampler, gripper, grid, objects, procedure, physics, .. } =
+            self;
         let scenes = attempts.div_ceil(u64::from(*attempts_per_scene));
         reader.must("shards", u64::from(*shards) <= scenes, || {
             format!(
@@ -291,9 +294,14 @@ impl Config {
         });
         // A gripper without enough time to close would label narrow objects as slipped.
         for one in gripper.all() {
-            let (needs_s, got) = (0.5 * one.opening_m_max / one.closing_speed_m_s, procedure.close_time_s_max);
+            let way_m = one.ways_m().into_iter().fold(0.0, f32::max);
+            let (needs_s, got) = (way_m / one.closing_speed_m_s, procedure.close_time_s_max);
             reader.must("procedure.close_time_s_max", needs_s <= got + 1e-4, || {
                 format!("must be at least the {needs_s:.2} s in which {} closes, got {got}", one.name)
+            });
+            let is_known = one.jaws.is_empty() || physics.engine == Engine::Stepper;
+            reader.must("physics.engine", is_known, || {
+                format!("must be stepper for the jaws of {}: rapier knows fingers that slide alike", one.name)
             });
         }
         let wanted = if *sampler == Sampler::Mixed { 1.0 } else { 0.0 };

@@ -1,6 +1,6 @@
 //! Executes a dataset's attempts again and compares the results with the stored rows.
 
-use program::Failure;
+use program::{ExitCode, Failure};
 use rayon::prelude::*;
 use schema::{AttemptRecord, Engine, Outcome, SceneRows};
 use shards::Dataset;
@@ -43,6 +43,10 @@ pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Re
     let info = dataset.info();
     let stored = physics_of(&info.config)?;
     let physics = Physics { engine: engine.unwrap_or(stored.engine), ..stored };
+    if physics.engine == Engine::Rapier && info.grippers().iter().any(|gripper| !gripper.jaws.is_empty()) {
+        let why = "engine rapier knows fingers that slide alike, and the dataset's gripper has other jaws";
+        return Err(Failure::new(ExitCode::Config, why.to_owned()));
+    }
     let is_own_engine = physics == stored;
     let bodies = bodies_of(info)?;
     // Repeats of another engine end otherwise.

@@ -110,9 +110,10 @@ fn poses(recording: &Recording, pose: impl Fn(&recorder::Frame) -> Pose) -> Vec<
 fn add(view: &mut View, recording: &Recording, gripper: &Gripper) {
     view.frames = recording.frames.iter().map(|frame| Frame { time_s: frame.time_s }).collect();
     view.events.clone_from(&recording.events);
-    for (part, gripper_box) in gripper.open_gripper().iter().enumerate() {
-        let poses = poses(recording, |frame| frame.gripper[part % 3]);
-        view.bodies.push(Body { poses, ..Body::of_box(Class::Gripper, BOX_NAMES[part], gripper_box, &[]) });
+    for (number, (part, gripper_box)) in gripper.parts([0.0; 2]).iter().enumerate() {
+        let poses = poses(recording, |frame| frame.gripper[*part]);
+        let name = BOX_NAMES[if gripper.jaws.is_empty() { number } else { *part }];
+        view.bodies.push(Body { poses, ..Body::of_box(Class::Gripper, name, gripper_box, &[]) });
     }
 }
 

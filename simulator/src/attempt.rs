@@ -15,6 +15,7 @@ use crate::gripper::RapierAttempt;
 use crate::mass_scaling::LeastInertia;
 use crate::shortcuts::LiftWatch;
 use crate::stepper::{Jaws, Stepper, Things};
+use crate::tested_part::PlacedPart;
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
 use crate::{Scene, SceneObject};
 
@@ -189,16 +190,33 @@ impl<'a> AttemptWorld<'a> {
         closed_m: f32,
         all_awake: bool,
     ) -> Stepper<'s> {
-        let (gripper, most_m) = (self.gripper, 0.5 * self.gripper.opening_m_max);
-        let fingers = gripper.fingers(gripper.opening_m_max);
-        let closed_m_max = self.gate.free_closing_m(workspace_from_grasp, &fingers, most_m);
-        let jaws = Jaws::new(gripper, closed_m, closed_m_max);
+        let closed_m_max = self.gate.free_closing_m(workspace_from_grasp, self.gripper);
+        let jaws = Jaws::new(self.gripper, closed_m, closed_m_max);
         Stepper::new(self.physics, jaws, things, self.table_z_m, workspace_from_grasp, all_awake)
     }
 
+    /// A grasp of object `target` as it is once the hand went along y until its fixed jaw, if it has one, is beside what
+    /// it would meet: [`Gripper::BESIDE_M`] and its clearance away.
+    ///
+    /// # Panics
+    /// If the scene has no object `target`.
+    #[must_use]
+    pub fn beside_fixed_jaw(&self, workspace_from_grasp: &Pose, target: usize) -> Pose {
+        let Some(side) = self.gripper.fixed_side() else { return *workspace_from_grasp };
+        let (inward, grasp_from_object) =
+            ([Vec3::Y, -Vec3::Y][side], self.gate.pose_from(workspace_from_grasp, target));
+        let (boxes, parts) = (self.gripper.jaw_at(side, 0.0), self.gate.placed_at(Some(target), &grasp_from_object));
+        let jaw = boxes.iter().map(|part| PlacedPart::from_box(part, &Pose::IDENTITY));
+        let free_m = jaw.flat_map(|jaw| parts.iter().map(move |part| jaw.free_way_m(part, inward)));
+        let free_m = free_m.fold(f32::INFINITY, f32::min);
+        let way_m = free_m - Gripper::BESIDE_M - self.gripper.clearance_m;
+        let is_way = way_m > 0.0 && way_m.is_finite();
+        *workspace_from_grasp * Pose::from_translation(inward * if is_way { way_m } else { 0.0 })
+    }
+
     /// Opening between the inner faces of fingers that have closed by `closed_m` each, in metres.
-    pub(crate) fn width_m(&self, [left, right]: [f32; 2]) -> f32 {
-        (self.gripper.opening_m_max - left - right).max(0.0)
+    pub(crate) fn width_m(&self, closed_m: [f32; 2]) -> f32 {
+        self.gripper.gap_m(closed_m)
     }
 
     /// The end of an attempt that the gate stops.
@@ -423,16 +441,15 @@ impl<'a> Run<'a> {
             self.tell(AttemptEvent::Pushed { object_id, moved_m: moved_m(object_id) });
             return Some(Hit::object(object_id, self.target));
         }
-        let near_m = 0.5 * self.setup.gripper.clearance_m;
-        let fingers = self.setup.gripper.fingers(self.setup.gripper.opening_m_max);
-        let ways_m = fingers.iter().zip(self.engine.closed_m()).zip([1.0, -1.0]);
-        let ways_m = ways_m.map(|((finger, closed_m), inward)| (finger, Vec3::Y * (inward * closed_m)));
-        let swept: Vec<GripperBox> = ways_m.clone().map(|(finger, way_m)| finger.swept(way_m).grown(near_m)).collect();
+        let (gripper, closed_m) = (self.setup.gripper, self.engine.closed_m());
+        let near_m = 0.5 * gripper.clearance_m;
+        let swept = [0, 1].into_iter().flat_map(|side| gripper.jaw_sweep(side, closed_m[side]));
+        let swept: Vec<GripperBox> = swept.map(|part| part.grown(near_m)).collect();
         if self.setup.gate.touches_fixtures(&self.workspace_from_grasp, &swept) {
             self.tell(AttemptEvent::NearContainer);
             return Some(Hit::CONTAINER);
         }
-        let mut closed = ways_m.map(|(finger, way_m)| finger.moved(way_m));
+        let mut closed = [0, 1].into_iter().flat_map(|side| gripper.jaw_at(side, closed_m[side]));
         let low = closed.any(|b| b.lowest_z_m(&self.workspace_from_grasp) < self.setup.table_z_m + near_m);
         if low {
             self.tell(AttemptEvent::NearTable);
@@ -446,10 +463,8 @@ impl<'a> Run<'a> {
         if !gate.has_fixtures() {
             return None;
         }
-        let [left, right] = self.engine.closed_m();
-        let [left, right] = [left, -right].map(|way_m| Vec3::Y * way_m);
-        let closed = gripper.open_gripper().into_iter().zip([left, right, Vec3::ZERO, left, right]);
-        let boxes: Vec<GripperBox> = closed.map(|(b, way_m)| b.moved(way_m).grown(0.5 * gripper.clearance_m)).collect();
+        let closed = gripper.parts(self.engine.closed_m()).into_iter();
+        let boxes: Vec<GripperBox> = closed.map(|(_, part)| part.grown(0.5 * gripper.clearance_m)).collect();
         let (direction, way_m) = (self.retreat_direction(), self.setup.procedure.retreat_distance_m);
         let steps = (way_m / WAY_STEP_M).ceil();
         let hits = (0..=steps as usize).any(|step| {

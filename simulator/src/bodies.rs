@@ -52,8 +52,8 @@ pub(crate) trait AttemptEngine: Bodies {
     /// Tells the gripper where to be at the end of the next step.
     fn move_to(&mut self, position_m: Vec3);
 
-    /// By how much the boxes of the open gripper have moved since the beginning: left and right finger, palm.
-    fn gripper_moved_m(&self) -> [Vec3; 3];
+    /// Where the parts of the gripper that was open at the origin are: left and right jaw, palm.
+    fn gripper_poses(&self) -> [Pose; 3];
 
     /// Whether nothing has touched an object yet.
     fn is_asleep(&self, object_id: usize) -> bool;

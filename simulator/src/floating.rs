@@ -123,7 +123,7 @@ impl<'a> FloatingWorld<'a> {
         let mut stepper = world.stepper(things, object_from_grasp, closed_m, !world.physics.shortcuts);
         stepper.accelerate(Vec3::ZERO, None);
         stepper.jaws.keep_pace(true);
-        let before = Placed::of(&stepper);
+        let before = Placed::of(&stepper, world.gripper);
         let mut fingers = Stopping::new(world.physics, stepper.closed_m());
         // On a table friction ends what the first touch began; what floats would drift on between two fingers that
         // know nothing of each other. From when both press, they are tied as in a lift.
@@ -149,7 +149,7 @@ impl<'a> FloatingWorld<'a> {
         stepper.jaws.keep_pace(false);
         let [left, right] = stepper.closed_m();
         let asymmetry_m = asymmetry_m.unwrap_or(left - right);
-        let after = Placed::of(&stepper);
+        let after = Placed::of(&stepper, world.gripper);
         let closing =
             Motion { moved_m: (after.centre_m - before.centre_m).length(), turned_rad: after.turned_rad(&before) };
         let grasp_from_object = stepper.pose(0);
@@ -183,6 +183,12 @@ impl<'a> FloatingWorld<'a> {
         self.is_reached(&aside).then(|| (aside, way_m.abs().max_element()))
     }
 
+    /// [`AttemptWorld::beside_fixed_jaw`], in the object's frame.
+    #[must_use]
+    pub fn beside_fixed_jaw(&self, object_from_grasp: &Pose) -> Pose {
+        self.world.beside_fixed_jaw(object_from_grasp, 0)
+    }
+
     /// What blocks the gripper on its way to a grasp, in the object's frame; `None` if nothing does.
     #[must_use]
     pub fn obstruction(&self, object_from_grasp: &Pose) -> Option<Obstruction> {
@@ -214,8 +220,8 @@ struct Placed {
 }
 
 impl Placed {
-    fn of(stepper: &Stepper<'_>) -> Self {
-        let [left, right] = stepper.closed_m();
+    fn of(stepper: &Stepper<'_>, gripper: &Gripper) -> Self {
+        let [left, right] = gripper.reach_m(stepper.closed_m());
         Self { centre_m: stepper.centre_m(0), rotation: stepper.pose(0).rotation, middle_m: 0.5 * (left - right) }
     }
 
@@ -280,7 +286,7 @@ impl Grip<'_> {
         if physics.shortcuts {
             stepper.keep_contacts();
         }
-        let before = Placed::of(&stepper);
+        let before = Placed::of(&stepper, self.world.gripper);
         // What got more inertia than its own moves under its weight as it would, but more slowly: a pull lasts longer.
         let share = stepper.weight_share(0);
         let slower = if matches!(load, Load::Pull { .. }) { 1.0 / share.sqrt() } else { 1.0 };
@@ -299,7 +305,7 @@ impl Grip<'_> {
             if let Some((watcher, before)) = &mut watching {
                 watcher.step(&moment(&stepper, Phase::Bear, *before + step + 1, &self.object_from_grasp));
             }
-            motion = Placed::of(&stepper).motion(&before);
+            motion = Placed::of(&stepper, self.world.gripper).motion(&before);
             let width_m = self.world.width_m(stepper.closed_m());
             since_gripped = if stepper.is_gripped(0) { 0 } else { since_gripped + 1 };
             let is_lost = motion.moved_m > hold.moved_m_max || motion.turned_rad > hold.turned_rad_max;

@@ -159,6 +159,11 @@ impl Gate {
         self.obstacles.iter().map(|(_, pose)| *pose)
     }
 
+    /// An object in the frame of a grasp.
+    pub(crate) fn pose_from(&self, workspace_from_grasp: &Pose, object_id: usize) -> Pose {
+        workspace_from_grasp.inverse() * self.obstacles[object_id].1
+    }
+
     /// The parts of all objects, then the fixtures, in the frame of a grasp.
     pub(crate) fn placed(&self, workspace_from_grasp: &Pose) -> Vec<PlacedPart> {
         let grasp_from_workspace = workspace_from_grasp.inverse();
@@ -183,23 +188,17 @@ impl Gate {
         self.overlapped(None, workspace_from_grasp, boxes).next().is_some()
     }
 
-    /// How far each finger of an open gripper at a grasp can close before it meets a fixture, at most `most_m`, in
+    /// How far each jaw of an open gripper at a grasp can close before it meets a fixture, at most its whole way, in
     /// metres, to a thousandth of that.
-    pub(crate) fn free_closing_m(
-        &self,
-        workspace_from_grasp: &Pose,
-        fingers: &[GripperBox; 2],
-        most_m: f32,
-    ) -> [f32; 2] {
-        let free = |finger: &GripperBox, inward: f32, way_m: f32| {
-            !self.touches_fixtures(workspace_from_grasp, &[finger.swept(Vec3::Y * (inward * way_m))])
-        };
-        core::array::from_fn(|side| {
-            let (finger, inward) = (&fingers[side], [1.0, -1.0][side]);
-            if free(finger, inward, most_m) {
-                return most_m;
+    pub(crate) fn free_closing_m(&self, workspace_from_grasp: &Pose, gripper: &Gripper) -> [f32; 2] {
+        let ways_m = gripper.ways_m();
+        let free =
+            |side: usize, way_m: f32| !self.touches_fixtures(workspace_from_grasp, &gripper.jaw_sweep(side, way_m));
+        [0, 1].map(|side| {
+            if !self.has_fixtures() || free(side, ways_m[side]) {
+                return ways_m[side];
             }
-            halved(most_m, FINE, |way_m| free(finger, inward, way_m))[0]
+            halved(ways_m[side], FINE, |way_m| free(side, way_m))[0]
         })
     }
 

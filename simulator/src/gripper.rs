@@ -146,10 +146,10 @@ impl AttemptEngine for RapierAttempt {
         }
     }
 
-    fn gripper_moved_m(&self) -> [Vec3; 3] {
+    fn gripper_poses(&self) -> [Pose; 3] {
         let at_m = |body: RigidBodyHandle| pose_of(&self.world, body).translation;
         let [left, right] = self.beside.fingers.each_ref().map(|finger| at_m(finger.body) - finger.open_m);
-        [left, right, at_m(self.beside.palm)]
+        [left, right, at_m(self.beside.palm)].map(Pose::from_translation)
     }
 
     fn is_asleep(&self, object_id: usize) -> bool {

@@ -35,7 +35,8 @@ impl AttemptWorld<'_> {
         if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
             return Err(blocked);
         }
-        if !self.physics.shortcuts {
+        // Other ways than along y are simulated.
+        if !self.physics.shortcuts || !self.gripper.jaws.is_empty() {
             return Ok(0);
         }
         let (steps, width_m) = self.free_closing(workspace_from_grasp);
@@ -59,7 +60,7 @@ impl AttemptWorld<'_> {
             .map(|(finger, inward)| {
                 let near = finger.grown(near_m);
                 let (grown, swept) =
-                    (PlacedPart::from_box(&near, Vec3::ZERO), near.swept(inward * gripper.opening_m_max));
+                    (PlacedPart::from_box(&near, &Pose::IDENTITY), near.swept(inward * gripper.opening_m_max));
                 let on_way = objects.iter().filter(|o| swept.is_near(o.centre_m, o.radius_m));
                 let to_objects = on_way.map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
                 let sinking = -inward.dot(up);
@@ -128,8 +129,10 @@ impl Run<'_> {
         let Some(direction) = rest_m.try_normalize() else { return true };
         let placed = |id: usize| self.setup.gate.placed_at(Some(id), &self.engine.pose(id));
         let mut movers = placed(self.target);
-        let boxes = self.setup.gripper.open_gripper().into_iter().zip(self.engine.gripper_moved_m());
-        movers.extend(boxes.map(|(gripper_box, moved_m)| PlacedPart::from_box(&gripper_box, moved_m)));
+        let (gripper, poses) = (self.setup.gripper, self.engine.gripper_poses());
+        let parts = gripper.parts([0.0; 2]);
+        let simulated = if gripper.jaws.is_empty() { poses.len() } else { parts.len() };
+        movers.extend(parts[..simulated].iter().map(|(part, of)| PlacedPart::from_box(of, &poses[*part])));
         let fixtures = self.setup.gate.placed_at(None, &self.workspace_from_grasp.inverse());
         self.others().flat_map(placed).chain(fixtures).all(|other| {
             movers.iter().all(|mover| {

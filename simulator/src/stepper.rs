@@ -24,10 +24,11 @@ use wide::f32x4;
 use crate::bodies::{AttemptEngine, Bodies};
 use contact::{Answer, Contact, Contacts, Motion, Pass, Relative, Touched, lanes};
 use patch::{Frame, Patch, Scratch};
-use push::{push_both, push_one, relative};
+use push::{push_both, push_led, push_one, relative};
 use shape::Thing;
 
 pub(crate) use jaws::Jaws;
+use jaws::Led;
 pub(crate) use shape::{Things, Wide3, span, wide};
 
 /// rapier's damping ratio of contact springs.
@@ -62,6 +63,8 @@ pub(crate) struct Stepper<'a> {
     bodies: Vec<Body>,
     singles: Contacts<1>,
     doubles: Contacts<2>,
+    /// With led jaws.
+    led: Contacts<2>,
     /// How far bodies and fingers may go before contacts are looked for anew; until then they go on with the points
     /// that they have. In metres.
     keeps_m: f32,
@@ -104,6 +107,14 @@ impl Body {
         let mut body = Self { rotation, answer, weight_share, is_awake, ..Self::default() };
         body.place(thing);
         body
+    }
+
+    /// Its frame and its centre of mass, as the world or a led jaw sees them.
+    fn seen_from(&self, led: Option<&Led>) -> (Frame, Vec3) {
+        match led {
+            Some(led) => (led.frame.sees(&self.frame), led.frame.in_body(self.answer.centre_m)),
+            None => (self.frame, self.answer.centre_m),
+        }
     }
 
     /// Brings what follows from centre and rotation up to date.
@@ -244,7 +255,8 @@ impl<'a> Stepper<'a> {
     /// Where a finger presses on a body: the middle of the points on the part on which it presses most.
     pub(crate) fn pressed_at_m(&self, finger: usize, id: usize) -> Option<Vec3> {
         let on = self.singles.iter().filter(|c| c.first == 1 + finger && c.second == id).map(Contact::bearing);
-        let most = on.filter(|(points_m, _)| !points_m.is_empty()).max_by(|a, b| a.1.total_cmp(&b.1));
+        let led = self.led.iter().filter(|c| c.first == finger && c.second == id).map(Contact::bearing);
+        let most = on.chain(led).filter(|(points_m, _)| !points_m.is_empty()).max_by(|a, b| a.1.total_cmp(&b.1));
         most.map(|(points_m, _)| points_m.iter().sum::<Vec3>() / points_m.len() as f32)
     }
 
@@ -261,6 +273,8 @@ impl<'a> Stepper<'a> {
     fn find_contacts(&mut self) {
         self.singles.begin_step();
         self.doubles.begin_step();
+        self.led.begin_step();
+        self.jaws.lead();
         self.queue.clear();
         for id in 0..self.bodies.len() {
             if self.bodies[id].is_awake || self.is_near_gripper(id) {
@@ -293,12 +307,15 @@ impl<'a> Stepper<'a> {
     fn is_near_gripper(&mut self, id: usize) -> bool {
         let (body, thing) = (&self.bodies[id], &self.things[id]);
         (0..3).any(|which| {
-            let (centre_m, half_m) = self.jaws.box_at(which);
-            patch::ball_near_box(body.answer.centre_m, thing.radius_m, centre_m, half_m)
-                && thing
-                    .parts
-                    .iter()
-                    .any(|part| patch::on_box(centre_m, half_m, &body.frame, part, &mut self.scratch).is_some())
+            let (frame, near_m) = body.seen_from(self.jaws.led[which].as_ref());
+            (0..self.jaws.boxes[which].len()).any(|number| {
+                let (centre_m, half_m) = self.jaws.box_at(which, number);
+                patch::ball_near_box(near_m, thing.radius_m, centre_m, half_m)
+                    && thing
+                        .parts
+                        .iter()
+                        .any(|part| patch::on_box(centre_m, half_m, &frame, part, &mut self.scratch).is_some())
+            })
         })
     }
 
@@ -336,18 +353,24 @@ impl<'a> Stepper<'a> {
     }
 
     fn touch_gripper(&mut self, which: usize, id: usize) {
-        let (body, thing) = (&self.bodies[id], &self.things[id]);
-        let (centre_m, half_m) = self.jaws.box_at(which);
-        if !patch::ball_near_box(body.answer.centre_m, thing.radius_m, centre_m, half_m) {
-            return;
-        }
-        for (part, shape) in thing.parts.iter().enumerate() {
-            if let Some(patch) = patch::on_box(centre_m, half_m, &body.frame, shape, &mut self.scratch) {
-                let inverse_mass = self.jaws.finger_inverse_mass;
-                let side = if which < 2 { Touched::Finger { inverse_mass } } else { Touched::Fixed };
-                let friction = self.jaws.friction * thing.friction;
-                let key = key([1 + which, 0], [id, part]);
-                self.singles.add(key, [1 + which, id], friction, &patch, side, &body.answer);
+        let (body, thing, led) = (&self.bodies[id], &self.things[id], self.jaws.led[which].as_ref());
+        let friction = self.jaws.friction * thing.friction;
+        let (frame, near_m) = body.seen_from(led);
+        for number in 0..self.jaws.boxes[which].len() {
+            let (centre_m, half_m) = self.jaws.box_at(which, number);
+            if !patch::ball_near_box(near_m, thing.radius_m, centre_m, half_m) {
+                continue;
+            }
+            for (part, shape) in thing.parts.iter().enumerate() {
+                let Some(patch) = patch::on_box(centre_m, half_m, &frame, shape, &mut self.scratch) else { continue };
+                let key = key([1 + which, number], [id, part]);
+                if let Some(Led { frame, answer, along }) = led {
+                    let jaw = Touched::Jaw { answer, along: *along };
+                    self.led.add(key, [which, id], friction, &frame.world(&patch), jaw, &body.answer);
+                    continue;
+                }
+                let finger = Touched::Finger { inverse_mass: self.jaws.inverse_mass(which) };
+                self.singles.add(key, [1 + which, id], friction, &patch, finger, &body.answer);
             }
         }
     }
@@ -456,6 +479,7 @@ impl<'a> Stepper<'a> {
             }
             self.singles.iter_mut().for_each(Contact::count_pressed);
             self.doubles.iter_mut().for_each(Contact::count_pressed);
+            self.led.iter_mut().for_each(Contact::count_pressed);
         }
     }
 
@@ -467,6 +491,9 @@ impl<'a> Stepper<'a> {
         for contact in self.singles.iter() {
             let push = contact.warm_start();
             push_one(&mut self.bodies[contact.second], &mut self.jaws, contact, push);
+        }
+        for contact in self.led.iter() {
+            push_led(&mut self.bodies[contact.second], &mut self.jaws, contact, contact.warm_start());
         }
         self.jaws.warm_start();
     }
@@ -481,6 +508,11 @@ impl<'a> Stepper<'a> {
             let ways = self.bodies[contact.second].ways;
             let [_, way] = self.jaws.motion(contact.first, time_s);
             contact.advance(&Relative { linear: ways.linear - way, angular: [ways.angular] });
+        }
+        for contact in self.led.iter_mut() {
+            let (ways, [_, [palm, way]]) =
+                (self.bodies[contact.second].ways, self.jaws.led_motion(contact.first, time_s));
+            contact.advance(&Relative { linear: ways.linear - palm, angular: [ways.angular, way] });
         }
     }
 
@@ -500,6 +532,14 @@ impl<'a> Stepper<'a> {
                 push_one(body, &mut self.jaws, contact, push);
             }
         }
+        for contact in self.led.iter_mut() {
+            let body = &mut self.bodies[contact.second];
+            let [[palm, speed], _] = self.jaws.led_motion(contact.first, 0.0);
+            let speeds = Relative { linear: body.speeds.linear - palm, angular: [body.speeds.angular, speed] };
+            if let Some(push) = contact.solve(pass, &speeds) {
+                push_led(body, &mut self.jaws, contact, push);
+            }
+        }
     }
 }
 
@@ -508,6 +548,7 @@ impl Bodies for Stepper<'_> {
         if self.gone_m < self.keeps_m {
             self.singles.iter_mut().for_each(Contact::go_on);
             self.doubles.iter_mut().for_each(Contact::go_on);
+            self.led.iter_mut().for_each(Contact::go_on);
         } else {
             self.find_contacts();
             self.gone_m = 0.0;
@@ -545,8 +586,8 @@ impl AttemptEngine for Stepper<'_> {
         self.jaws.move_to(position_m, self.step_s);
     }
 
-    fn gripper_moved_m(&self) -> [Vec3; 3] {
-        self.jaws.moved_m()
+    fn gripper_poses(&self) -> [Pose; 3] {
+        self.jaws.poses()
     }
 
     fn is_asleep(&self, object_id: usize) -> bool {
@@ -554,8 +595,10 @@ impl AttemptEngine for Stepper<'_> {
     }
 
     fn is_gripped(&self, object_id: usize) -> bool {
-        let by =
-            |finger: usize| self.singles.iter().any(|c| c.first == 1 + finger && c.second == object_id && c.presses());
+        let by = |finger: usize| {
+            self.singles.iter().any(|c| c.first == 1 + finger && c.second == object_id && c.presses())
+                || self.led.iter().any(|c| c.first == finger && c.second == object_id && c.presses())
+        };
         by(0) && by(1)
     }
 

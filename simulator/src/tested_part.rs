@@ -67,16 +67,16 @@ impl TestedPart {
 }
 
 impl PlacedPart {
-    /// An axis-parallel box, moved by `offset_m`.
-    pub(crate) fn from_box(gripper_box: &GripperBox, offset_m: Vec3) -> Self {
-        let centre_m = gripper_box.centre_m + offset_m;
+    /// An axis-parallel box, moved and turned.
+    pub(crate) fn from_box(gripper_box: &GripperBox, pose: &Pose) -> Self {
+        let (centre_m, turn) = (pose.transform_point(gripper_box.centre_m), pose.rotation);
         let sign = |corner: usize, bit: usize| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
-        let corner = |c: usize| centre_m + gripper_box.half_m * Vec3::new(sign(c, 0), sign(c, 1), sign(c, 2));
+        let corner = |c: usize| centre_m + turn * (gripper_box.half_m * Vec3::new(sign(c, 0), sign(c, 1), sign(c, 2)));
         Self {
             centre_m,
             radius_m: gripper_box.half_m.length(),
             corners_m: vec![wide(&[0, 1, 2, 3].map(corner)), wide(&[4, 5, 6, 7].map(corner))],
-            normals: vec![Vec3::X, Vec3::Y, Vec3::Z],
+            normals: [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| turn * axis).to_vec(),
             edges: Vec::new(),
         }
     }
@@ -168,7 +168,8 @@ mod tests {
             TestedPart::new(&Polyhedron::from(&solid)).placed(&Pose::from_translation(Vec3::new(0.0, 0.1, 0.0)));
         let way = |y_m: f32, x_m: f32, direction: Vec3| {
             let mover = GripperBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(0.01) };
-            PlacedPart::from_box(&mover, Vec3::new(x_m, y_m, 0.0)).free_way_m(&other, direction)
+            let at = Pose::from_translation(Vec3::new(x_m, y_m, 0.0));
+            PlacedPart::from_box(&mover, &at).free_way_m(&other, direction)
         };
         assert!((way(0.0, 0.0, Vec3::Y) - 0.08).abs() < 1e-6);
         assert!((way(0.0, 0.019, Vec3::Y) - 0.08).abs() < 1e-6);

@@ -125,10 +125,10 @@ impl Moment<'_> {
         (0..self.object_count).map(|id| self.workspace_from_grasp * self.engine.pose(id)).collect()
     }
 
-    /// Workspace poses of the boxes of [`schema::Gripper::open_gripper`]: each maps the open gripper's frame to where
-    /// that box is now.
+    /// Workspace poses of the left jaw, the right jaw and the palm ([`schema::Gripper::parts`]): each maps the open
+    /// gripper's frame to where that part is now.
     #[must_use]
     pub fn gripper(&self) -> [Pose; 3] {
-        self.engine.gripper_moved_m().map(|moved_m| self.workspace_from_grasp * Pose::from_translation(moved_m))
+        self.engine.gripper_poses().map(|pose| self.workspace_from_grasp * pose)
     }
 }

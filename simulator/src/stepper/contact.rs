@@ -46,6 +46,11 @@ pub(super) enum Touched<'a> {
     Finger {
         inverse_mass: f32,
     },
+    /// A jaw that answers as a body does that turns about one axis, whose turn also moves all of it.
+    Jaw {
+        answer: &'a Answer,
+        along: Vec3,
+    },
 }
 
 /// A contact of `T` bodies that turn: the second body alone, or both.
@@ -209,6 +214,13 @@ impl<const T: usize> Contact<T> {
                 for (row, direction) in directions.iter().enumerate() {
                     arms[row][T - 1] = in_axes(turn(to_first, -*direction), &other.scaled_axes);
                     shared[row] += other.inverse_mass;
+                }
+            }
+            Touched::Jaw { answer, along } => {
+                let to_first = from(points, answer.centre_m);
+                for (row, direction) in directions.iter().enumerate() {
+                    arms[row][T - 1] = in_axes(turn(to_first, -*direction), &answer.scaled_axes);
+                    arms[row][T - 1][0] -= f32x4::splat(along.dot(*direction));
                 }
             }
             Touched::Fixed => {}

@@ -1,9 +1,12 @@
-//! The two fingers in the solver: each has one direction of freedom, the world's y, and a drive.
+//! The two jaws in the solver: each has one freedom, and a drive. A finger that slides along the world's y, or is fixed,
+//! is the simplest and fastest; any other jaw is *led*: it answers to an impulse at a point by how its way moves that
+//! point.
 
-use schema::{Gripper, GripperBox, Vec3};
+use schema::{Gripper, GripperBox, JawPath, Pose, Vec3};
 use wide::f32x4;
 
-use super::contact::lanes;
+use super::contact::{Answer, lanes};
+use super::patch::Frame;
 use crate::gripper::{GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M};
 
 /// How far beyond its widest opening a finger gives way.
@@ -12,8 +15,10 @@ const STOP_M: f32 = 0.001;
 /// A gripper's palm and fingers.
 #[derive(Clone, Default)]
 pub(crate) struct Jaws {
-    /// As when the gripper is open and at the origin.
-    boxes: [GripperBox; 3],
+    /// Of each finger and the palm, as when the gripper is open and at the origin; of a led jaw as they are given.
+    pub(super) boxes: [Vec<GripperBox>; 3],
+    /// How the left and the right jaw answer in this step, if they are led; the palm is not.
+    pub(super) led: [Option<Led>; 3],
     /// How far each finger can close.
     closed_m_max: [f32; 2],
     closing_speed_m_s: f32,
@@ -22,18 +27,24 @@ pub(crate) struct Jaws {
     force_n: f32,
     palm_m: Vec3,
     palm_velocity_m_s: Vec3,
-    pub(super) finger_inverse_mass: f32,
     pub(crate) friction: f32,
     fingers: [Finger; 2],
+    paths: [JawPath; 2],
     /// How far each finger is to close; while closing, as far as it can.
     targets_m: Option<[f32; 2]>,
 }
 
-/// A finger along y.
+/// A jaw on its way: a finger along y, or one that is led, whose place and speed are those of its tip on its way.
 #[derive(Clone, Copy, Default)]
 struct Finger {
     /// Direction of closing.
     inward: f32,
+    /// 0 of one that is fixed.
+    inverse_mass: f32,
+    /// Where it is when the gripper is open.
+    open_m: f32,
+    /// How far it moves with a palm that moves along y: by all of it, or, if it is led, by nothing.
+    rides: f32,
     y_m: f32,
     /// Along y.
     velocity_m_s: f32,
@@ -45,56 +56,117 @@ struct Finger {
     travel_m: f32,
 }
 
+/// A jaw that is led, as it is in a step.
+#[derive(Clone, Copy)]
+pub(super) struct Led {
+    pub(super) frame: Frame,
+    /// As of a body that turns about one axis only, by the root of its inverse mass.
+    pub(super) answer: Answer,
+    /// How a turn by one moves all of it.
+    pub(super) along: Vec3,
+}
+
 impl Jaws {
     /// A gripper at the origin, its fingers closed by `closed_m` each, and closing if that is above 0; they end at
     /// `closed_m_max`.
     pub(crate) fn new(gripper: &Gripper, closed_m: f32, closed_m_max: [f32; 2]) -> Self {
-        let [left, right] = gripper.fingers(gripper.opening_m_max);
+        let [left, right] = gripper.jaw_boxes();
         let speed_m_s = if closed_m > 0.0 { gripper.closing_speed_m_s } else { 0.0 };
-        let finger = |(opened, inward): (GripperBox, f32)| Finger {
-            inward,
-            y_m: opened.centre_m.y + inward * closed_m,
-            velocity_m_s: inward * speed_m_s,
-            travel_m: closed_m,
-            ..Finger::default()
+        let finger = |path: &JawPath, boxes: &[GripperBox], inward: f32| {
+            let is_along_y = path.is_along_y();
+            let (inward, rides) = if is_along_y { (inward, 1.0) } else { (1.0, 0.0) };
+            let open_m = if is_along_y { boxes[0].centre_m.y } else { 0.0 };
+            Finger {
+                inward,
+                inverse_mass: if path.way_m > 0.0 { 1.0 / gripper.finger_mass_kg } else { 0.0 },
+                open_m,
+                rides,
+                y_m: open_m + inward * closed_m,
+                velocity_m_s: inward * speed_m_s,
+                travel_m: closed_m,
+                ..Finger::default()
+            }
         };
-        Self {
-            boxes: [left, right, gripper.palm()],
+        let paths = gripper.paths();
+        let mut jaws = Self {
+            fingers: [finger(&paths[0], &left, 1.0), finger(&paths[1], &right, -1.0)],
+            paths,
+            boxes: [left, right, vec![gripper.palm()]],
             closed_m_max,
             closing_speed_m_s: gripper.closing_speed_m_s,
             fastest_m_s: f32::INFINITY,
             force_n: gripper.finger_force_n,
-            finger_inverse_mass: 1.0 / gripper.finger_mass_kg,
             friction: gripper.friction,
-            fingers: [(left, 1.0), (right, -1.0)].map(finger),
             ..Self::default()
-        }
+        };
+        jaws.lead();
+        jaws
     }
 
-    /// No gripper: one without size, far from everything.
+    /// No gripper.
     pub(super) fn absent() -> Self {
-        let point = GripperBox { centre_m: Vec3::splat(1e6), half_m: Vec3::ZERO };
-        let finger = Finger { inward: 1.0, y_m: 1e6, ..Finger::default() };
-        Self { boxes: [point; 3], fastest_m_s: f32::INFINITY, fingers: [finger; 2], ..Self::default() }
+        let finger = Finger { inward: 1.0, rides: 1.0, ..Finger::default() };
+        Self { fastest_m_s: f32::INFINITY, fingers: [finger; 2], ..Self::default() }
     }
 
     pub(super) fn closed_m(&self) -> [f32; 2] {
-        core::array::from_fn(|i| {
-            (self.fingers[i].y_m - self.palm_m.y - self.boxes[i].centre_m.y) * self.fingers[i].inward
-        })
+        self.fingers
+            .each_ref()
+            .map(|finger| (finger.y_m - self.palm_m.y * finger.rides - finger.open_m) * finger.inward)
     }
 
-    /// By how much each box has moved from where it is when the gripper is open and at the origin.
-    pub(super) fn moved_m(&self) -> [Vec3; 3] {
-        let [left, right] = core::array::from_fn(|i| {
-            Vec3::new(self.palm_m.x, self.fingers[i].y_m - self.boxes[i].centre_m.y, self.palm_m.z)
+    /// Where the jaws and the palm are, from where they are when the gripper is open and at the origin.
+    pub(super) fn poses(&self) -> [Pose; 3] {
+        let palm = Pose::from_translation(self.palm_m);
+        let [left, right] = [0, 1].map(|which| match &self.led[which] {
+            Some(_) => palm * self.paths[which].pose(self.fingers[which].y_m),
+            None => Pose::from_translation(self.moved_m(which)),
         });
-        [left, right, self.palm_m]
+        [left, right, palm]
     }
 
-    /// Centre and half extents of a box.
-    pub(super) fn box_at(&self, which: usize) -> (Vec3, Vec3) {
-        (self.boxes[which].centre_m + self.moved_m()[which], self.boxes[which].half_m)
+    /// Centre and half extents of a box; of one of a led jaw in the jaw's frame.
+    pub(super) fn box_at(&self, which: usize, number: usize) -> (Vec3, Vec3) {
+        let GripperBox { centre_m, half_m } = self.boxes[which][number];
+        (centre_m + if self.led[which].is_some() { Vec3::ZERO } else { self.moved_m(which) }, half_m)
+    }
+
+    /// How far a finger along y, or the palm, has moved.
+    fn moved_m(&self, which: usize) -> Vec3 {
+        self.fingers.get(which).map_or(self.palm_m, |finger| self.palm_m.with_y(finger.y_m - finger.open_m))
+    }
+
+    /// Of a finger, along y; 0 of one that is fixed, and of the palm.
+    pub(super) fn inverse_mass(&self, which: usize) -> f32 {
+        self.fingers.get(which).map_or(0.0, |finger| finger.inverse_mass)
+    }
+
+    /// Brings how led jaws answer up to date.
+    pub(super) fn lead(&mut self) {
+        for (which, finger) in self.fingers.iter().enumerate().filter(|(_, finger)| finger.rides == 0.0) {
+            let (path, root) = (&self.paths[which], finger.inverse_mass.sqrt());
+            let ([along, turn], pose) = (path.motion(finger.y_m), path.pose_of_boxes(finger.y_m));
+            let scaled_axes = [turn * root, Vec3::ZERO, Vec3::ZERO];
+            self.led[which] = Some(Led {
+                frame: Frame { axes: super::axes_of(pose.rotation), origin_m: pose.translation + self.palm_m },
+                answer: Answer { centre_m: path.pivot_m + self.palm_m, scaled_axes, ..Answer::default() },
+                along: along * root,
+            });
+        }
+    }
+
+    /// How the palm moves, and a led jaw by the root of its mass: speeds, and ways since the step began, `time_s` ago.
+    pub(super) fn led_motion(&self, which: usize, time_s: f32) -> [[f32x4; 2]; 2] {
+        let (finger, palm) = (&self.fingers[which], lanes(self.palm_velocity_m_s));
+        let root = 1.0 / finger.inverse_mass.sqrt();
+        let [speed, way] = [finger.velocity_m_s, finger.way_m].map(|m| lanes(Vec3::X * (m * root)));
+        [[palm, speed], [palm * f32x4::splat(time_s), way]]
+    }
+
+    /// Turns a led jaw.
+    pub(super) fn turn(&mut self, which: usize, angular: f32x4) {
+        let finger = &mut self.fingers[which];
+        finger.velocity_m_s += angular.as_array()[0] * finger.inverse_mass.sqrt();
     }
 
     /// Velocity and way since the step began, `time_s` ago, of an obstacle: the table, the fingers, the palm.
@@ -118,7 +190,8 @@ impl Jaws {
     #[inline(always)]
     pub(super) fn push(&mut self, obstacle: usize, impulse: f32x4) {
         if let 1 | 2 = obstacle {
-            self.fingers[obstacle - 1].velocity_m_s -= impulse.as_array()[1] * self.finger_inverse_mass;
+            let finger = &mut self.fingers[obstacle - 1];
+            finger.velocity_m_s -= impulse.as_array()[1] * finger.inverse_mass;
         }
     }
 
@@ -128,10 +201,16 @@ impl Jaws {
         self.fastest_m_s = if keeps { self.closing_speed_m_s } else { f32::INFINITY };
     }
 
+    /// Two that move are tied to each other; beside one that is fixed the other has its force alone.
     pub(super) fn press(&mut self, asymmetry_at_contact_m: f32) {
-        let [left, right] = self.closed_m();
-        let pressing_m = 0.5 * (left + right) + self.force_n / GEAR_STIFFNESS_N_M;
-        self.targets_m = Some([0.5, -0.5].map(|side| pressing_m + side * asymmetry_at_contact_m));
+        let ([left, right], preload_m) = (self.closed_m(), self.force_n / GEAR_STIFFNESS_N_M);
+        let pressing_m = 0.5 * (left + right) + preload_m;
+        let are_tied = self.fingers.iter().all(|finger| finger.inverse_mass > 0.0);
+        self.targets_m = Some(if are_tied {
+            [0.5, -0.5].map(|side| pressing_m + side * asymmetry_at_contact_m)
+        } else {
+            [left, right].map(|closed_m| closed_m + preload_m)
+        });
     }
 
     /// Says where the palm is to be at the end of the next step.
@@ -147,23 +226,23 @@ impl Jaws {
 
     pub(super) fn warm_start(&mut self) {
         for finger in &mut self.fingers {
-            finger.velocity_m_s += finger.impulse * self.finger_inverse_mass * finger.inward;
+            finger.velocity_m_s += finger.impulse * finger.inverse_mass * finger.inward;
         }
     }
 
     /// A substep begins, `time_s` after the step, when the fingers had closed by `closed_m`.
     pub(super) fn begin_substep(&mut self, closed_m: [f32; 2], time_s: f32) {
         for (finger, closed_m) in self.fingers.iter_mut().zip(closed_m) {
-            let way_m = finger.way_m - self.palm_velocity_m_s.y * time_s;
+            let way_m = finger.way_m - self.palm_velocity_m_s.y * finger.rides * time_s;
             finger.travel_m = closed_m + way_m * finger.inward;
         }
     }
 
     /// Solves the drives.
     pub(super) fn solve(&mut self, substep_s: f32) {
-        let inverse_mass = self.finger_inverse_mass;
         for (i, finger) in self.fingers.iter_mut().enumerate() {
-            let speed_m_s = (finger.velocity_m_s - self.palm_velocity_m_s.y) * finger.inward;
+            let inverse_mass = finger.inverse_mass;
+            let speed_m_s = (finger.velocity_m_s - self.palm_velocity_m_s.y * finger.rides) * finger.inward;
             let travel_m = finger.travel_m;
             let (wanted, limit_n) = match self.targets_m {
                 None => (finger.impulse + (self.closing_speed_m_s - speed_m_s) / inverse_mass, self.force_n),
@@ -190,10 +269,11 @@ impl Jaws {
     /// and a wall would push it out of the gripper.
     pub(super) fn advance(&mut self, substep_s: f32) {
         for finger in &mut self.fingers {
-            let closing_m_s = (finger.velocity_m_s - self.palm_velocity_m_s.y) * finger.inward;
+            let palm_m_s = self.palm_velocity_m_s.y * finger.rides;
+            let closing_m_s = (finger.velocity_m_s - palm_m_s) * finger.inward;
             let slowest = (-STOP_M - finger.travel_m).min(0.0) / substep_s;
             if closing_m_s < slowest {
-                finger.velocity_m_s = self.palm_velocity_m_s.y + slowest * finger.inward;
+                finger.velocity_m_s = palm_m_s + slowest * finger.inward;
             }
             finger.way_m += finger.velocity_m_s * substep_s;
         }

@@ -77,7 +77,12 @@ impl Frame {
         Vec3::new(self.axes[0].dot(v), self.axes[1].dot(v), self.axes[2].dot(v))
     }
 
-    fn world(&self, patch: &Patch) -> Patch {
+    /// Another frame as it is in this one.
+    pub(super) fn sees(&self, other: &Self) -> Self {
+        Self { axes: other.axes.map(|axis| self.turn_back(axis)), origin_m: self.in_body(other.origin_m) }
+    }
+
+    pub(super) fn world(&self, patch: &Patch) -> Patch {
         let mut points_m = patch.points_m;
         for point in &mut points_m[..patch.count] {
             *point = self.in_world(*point);

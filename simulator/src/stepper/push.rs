@@ -16,6 +16,13 @@ pub(super) fn push_one(body: &mut Body, jaws: &mut Jaws, contact: &Single, push:
     jaws.push(contact.first, push.impulse);
 }
 
+/// Gives a body and a led jaw what they get.
+pub(super) fn push_led(body: &mut Body, jaws: &mut Jaws, contact: &Double, push: Push<2>) {
+    body.speeds.linear += push.impulse * f32x4::splat(body.answer.inverse_mass);
+    body.speeds.angular += push.angular[0];
+    jaws.turn(contact.first, push.angular[1]);
+}
+
 #[inline(always)]
 pub(super) fn push_both(bodies: &mut [Body], contact: &Double, push: Push<2>) {
     let second = &mut bodies[contact.second];
