@@ -105,6 +105,10 @@ pub fn make_scene_watched(
     }
     let (physics, gripper, procedure) = (&config.physics, config.gripper.of_scene(scene_id), &config.procedure);
     let world = AttemptWorld::new(physics, gripper, procedure, &scene);
+    for candidate in &mut candidates {
+        let beside = world.beside_fixed_jaw(&candidate.workspace_from_grasp, candidate.object_id);
+        candidate.workspace_from_grasp = beside;
+    }
     let robustness = config.robustness.as_ref();
     let repeats = Repeats::of_scene(robustness, config.seed, scene_id, physics, gripper, procedure, &scene);
     ended(Stage::Prepared)?;

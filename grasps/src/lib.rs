@@ -55,6 +55,8 @@ pub struct ObservedScene<'a> {
 #[derive(Debug, Clone)]
 pub struct CandidateSampler {
     span_m: f32,
+    /// The gripper, if it has a fixed jaw.
+    one_sided: Option<Gripper>,
     swept: Vec<GripperBox>,
     /// Points of the swept gripper in the grasp frame, in groups, those at the tips first.
     looks: Vec<Looks>,
@@ -144,7 +146,7 @@ impl CandidateSampler {
         let swept: Vec<GripperBox> = gripper.open_gripper().into_iter().map(swept).collect();
         let mut looks: Vec<Looks> = swept.iter().flat_map(looks_of).collect();
         looks.sort_by(|a, b| b.middle_m.z.total_cmp(&a.middle_m.z));
-        Self { span_m: gripper.span_m(), swept, looks }
+        Self { span_m: gripper.span_m(), one_sided: gripper.fixed_side().map(|_| gripper.clone()), swept, looks }
     }
 
     /// At most `count` candidates in a scene, with the widths on which they close as far as these were seen; fewer if
@@ -223,8 +225,11 @@ impl CandidateSampler {
             return None;
         }
         let approach = rotation * Vec3::Z;
-        // What is between the fingers need not be in their middle.
-        let slack_m = 0.25 * (span_m - width_m) * draw.offset;
+        // What is between the fingers need not be in their middle; a fixed one is beside it.
+        let slack_m = match &self.one_sided {
+            Some(gripper) => gripper.aside_m(width_m),
+            None => 0.25 * (span_m - width_m) * draw.offset,
+        };
         let middle_m = centre_m + rotation * Vec3::new(0.0, slack_m, 0.0);
         let at_m = |depth_m: f32| pose_from_parts(rotation, middle_m + approach * depth_m);
         // The tips go no deeper than the table lets them.

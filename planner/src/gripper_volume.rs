@@ -85,8 +85,11 @@ impl GripperVolume {
     }
 }
 
-/// The grasp's pose with the orientation nearer to the wrist.
-pub(crate) fn towards_wrist(workspace_from_grasp: &Pose, workspace_from_wrist: Quat) -> Pose {
+/// The grasp's pose with the orientation nearer to the wrist; as it is where a fixed jaw has its side.
+pub(crate) fn towards_wrist(gripper: &Gripper, workspace_from_grasp: &Pose, workspace_from_wrist: Quat) -> Pose {
+    if gripper.fixed_side().is_some() {
+        return *workspace_from_grasp;
+    }
     let rotation = nearer_half_turn(workspace_from_grasp.rotation, workspace_from_wrist);
     pose_from_parts(rotation, workspace_from_grasp.translation)
 }

@@ -47,7 +47,7 @@ impl Method for Judge {
         let other_m = 0.5 * config.gripper.opening_m_max;
         let mut ask = |off_m: &[Vec3], is_of_things: bool| {
             let are_wanted = |candidates: &[Grasp]| {
-                let offered = |grasp: &Grasp| towards_wrist(&grasp.workspace_from_grasp, wrist);
+                let offered = |grasp: &Grasp| towards_wrist(&config.gripper, &grasp.workspace_from_grasp, wrist);
                 let broken = limiter.broken(&candidates.iter().map(offered).collect::<Vec<_>>());
                 let is_meant = |grasp: &Grasp| {
                     let tips_m = grasp.workspace_from_grasp.translation;
@@ -91,7 +91,8 @@ fn selected(mut scored: Vec<ScoredGrasp>, proposed: usize, request: &Request<'_>
     let (epsilon, apart_m) = (request.config.detection.quality_min, request.config.judge.apart_m);
     let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&ScoredGrasp>::new(), Vec::new(), 0);
     for judged in &scored {
-        let pose = towards_wrist(&judged.grasp.workspace_from_grasp, request.options.wrist());
+        let (gripper, wrist) = (&request.config.gripper, request.options.wrist());
+        let pose = towards_wrist(gripper, &judged.grasp.workspace_from_grasp, wrist);
         let grasp =
             RankedGrasp { robustness: judged.robustness, ..RankedGrasp::new(pose, None, judged.quality(), None) };
         let reason = if grasp.quality.is_nan() {

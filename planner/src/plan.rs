@@ -42,6 +42,9 @@ pub struct RankedGrasp {
     /// How far to open the gripper, in metres: for what is between the fingers and some room; all the way where that
     /// is unknown.
     pub opening_m: f32,
+    /// What the gripper's driver is to be told for that; left out if the gripper's file has no `joint`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint_position: Option<f32>,
     /// Grasp quality, smoothed, between 0 and 1.
     pub quality: f32,
     /// Of a judge: if the grasp holds, the share of repeats with heavier objects, less friction and slightly moved

@@ -91,7 +91,12 @@ impl VoxelMethod {
         };
         let workspace_from_grasp = pose_from_parts(rotation, tips_m);
         let width_m = grids.width_voxels[flat] * grid.voxel_size_m();
-        let pose = towards_wrist(&workspace_from_grasp, request.options.wrist());
+        let gripper = &request.config.gripper;
+        let pose = towards_wrist(gripper, &workspace_from_grasp, request.options.wrist());
+        let pose = match gripper.aside_m(width_m) {
+            0.0 => pose,
+            aside_m => pose * Pose::from_translation(Vec3::Y * aside_m),
+        };
         RankedGrasp::new(pose, Some(width_m), quality, Some(voxel))
     }
 }

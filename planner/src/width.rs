@@ -67,10 +67,11 @@ impl<'a> Widths<'a> {
         Self { views, cameras, rays_x: views.iter().map(of_view).collect(), table_z_m, gripper }
     }
 
-    /// The grasp with what it closes on in its middle, if both ends of that were seen.
+    /// The grasp with what it closes on in its middle, or beside its fixed jaw, if both ends of that were seen.
     pub(crate) fn centred(&self, grasp: &Grasp) -> Option<Grasp> {
         let between = self.between(&grasp.workspace_from_grasp).filter(|between| between.are_seen == [true; 2])?;
-        let off = Vec3::new(0.0, 0.5 * between.ends_m.iter().sum::<f32>(), 0.0);
+        let aside_m = self.gripper.aside_m(between.width_m());
+        let off = Vec3::new(0.0, 0.5 * between.ends_m.iter().sum::<f32>() + aside_m, 0.0);
         let mut workspace_from_grasp = grasp.workspace_from_grasp;
         workspace_from_grasp.translation += workspace_from_grasp.rotation * off;
         Some(Grasp { workspace_from_grasp, ..*grasp })
@@ -111,7 +112,8 @@ impl<'a> Widths<'a> {
         let gripper = self.gripper;
         grasps.par_iter_mut().for_each(|grasp| {
             if let Some(width_m) = grasp.width_m {
-                grasp.opening_m = (width_m + 2.0 * room_m(gripper)).min(gripper.opening_m_max);
+                let aside_m = gripper.aside_m(width_m);
+                grasp.opening_m = opening_m(gripper, [-0.5, 0.5].map(|side| side * width_m - aside_m));
             } else {
                 let between = self.between(&grasp.workspace_from_grasp);
                 grasp.width_m =
@@ -120,6 +122,7 @@ impl<'a> Widths<'a> {
                 grasp.opening_m = between.map_or(gripper.opening_m_max, |between| between.opening_m(gripper));
                 grasp.doubt = between.filter(|between| between.flies).map(|_| Doubt::Flying);
             }
+            grasp.joint_position = gripper.joint_position(grasp.opening_m);
             grasp.doubt = grasp.doubt.or(self.is_blind(grasp).then_some(Doubt::NoDepth));
         });
     }
@@ -342,10 +345,18 @@ impl Between {
 
     /// How far the gripper must open about it; all the way where an end was not seen.
     fn opening_m(&self, gripper: &Gripper) -> f32 {
-        let reach_m = self.ends_m.iter().fold(0.0_f32, |reach_m, end_m| reach_m.max(end_m.abs()));
-        let needed_m = if self.are_seen == [true; 2] { 2.0 * (reach_m + room_m(gripper)) } else { f32::INFINITY };
-        needed_m.min(gripper.opening_m_max)
+        if self.are_seen == [true; 2] { opening_m(gripper, self.ends_m) } else { gripper.opening_m_max }
     }
+}
+
+/// How far a gripper must open about what has these ends along y.
+fn opening_m(gripper: &Gripper, [low_m, high_m]: [f32; 2]) -> f32 {
+    let needed_m = match gripper.fixed_side() {
+        None => 2.0 * (low_m.abs().max(high_m.abs()) + room_m(gripper)),
+        // The other jaw alone makes room.
+        Some(side) => 0.5 * gripper.opening_m_max + [high_m, -low_m][side] + room_m(gripper),
+    };
+    needed_m.min(gripper.opening_m_max)
 }
 
 #[cfg(test)]
@@ -465,5 +476,26 @@ mod tests {
         assert!(Widths::new(&[near.clone()], 0.05, &gripper).is_out_of_sight(&pose));
         assert!(!Widths::new(&[near, all[0].clone()], 0.05, &gripper).is_out_of_sight(&pose), "another camera looks");
         assert!(!Widths::new(&[], 0.05, &gripper).is_out_of_sight(&pose), "unknown");
+    }
+
+    /// Its left jaw is fixed.
+    #[test]
+    fn a_fixed_jaw_is_put_beside_a_thing_and_the_other_makes_room() {
+        let text = include_str!("../../configs/grippers/parallel_jaw_80.toml");
+        let jaws = "jaws = [{}, { slide_m = [0, -0.08, 0] }]\njoint = { open = 1.6, closed = 0 }";
+        let gripper = Gripper::from_toml(&format!("{text}\n{jaws}")).unwrap();
+        let views = [view(Vec3::new(0.15, 0.15, 0.7))];
+        let widths = Widths::new(&views, 0.05, &gripper);
+        let over = Grasp { workspace_from_grasp: down(false, 0.004), width_m: 0.0 };
+        let beside = widths.centred(&over).unwrap().workspace_from_grasp;
+        // The jaw's face, 40 mm left of the middle, is 3 mm beside the thing of 60 mm.
+        let middle_m = beside.inverse_transform_point(Vec3::new(0.15, 0.15, 0.1)).y;
+        assert!((middle_m + 0.007).abs() < 0.0015, "{middle_m}");
+        let mut grasps = [RankedGrasp::new(beside, None, 0.9, None), RankedGrasp::new(beside, Some(0.06), 0.9, None)];
+        widths.measure(&mut grasps);
+        for RankedGrasp { opening_m, joint_position, .. } in grasps {
+            assert!((opening_m - (0.04 + 0.023 + ROOM_M)).abs() < 0.003, "{opening_m}");
+            assert!((joint_position.unwrap() - 20.0 * opening_m).abs() < 1e-4, "{joint_position:?}");
+        }
     }
 }

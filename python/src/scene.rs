@@ -99,10 +99,14 @@ impl Simulation {
         Ok(if is_other_gripper { made } else { Self { gripper: self.gripper.clone(), ..made } })
     }
 
-    /// The gripper's numbers, by their names in its file.
+    /// The gripper's numbers, by their names in its file; a fault of one that they do not describe.
     #[getter]
-    fn gripper(&self) -> Vec<(&'static str, f32)> {
-        self.gripper.numbers().to_vec()
+    fn gripper(&self) -> PyResult<Vec<(&'static str, f32)>> {
+        let Gripper { name, jaws, .. } = &self.gripper;
+        if !jaws.is_empty() {
+            return Err(wrong(format!("gripper {name} has jaws of its own, of which its numbers say nothing")));
+        }
+        Ok(self.gripper.numbers().to_vec())
     }
 
     /// Thickness and length of its fingers' tips, in metres, if they are thinner.

@@ -146,7 +146,8 @@ impl Draw<'_> {
         let middle_m = middles_m[stream.index(middles_m.len())];
         let quarters = 4.0 * around;
         let around = 0.25 * (quarters.floor() + 0.5 * mostly_little(2.0 * quarters.fract() - 1.0));
-        self.reached(middle_m, [closing, point.along], around, 1.0 - deep * deep, APPROACHES)
+        let reached = self.reached(middle_m, [closing, point.along], around, 1.0 - deep * deep, APPROACHES);
+        reached.map(|pose| self.world.beside_fixed_jaw(&pose))
     }
 
     fn along_normal(&self, number: u64, stream: &mut Stream) -> Option<Pose> {
