@@ -298,7 +298,7 @@ impl<'a> Bench<'a> {
         let is_near = |at_m: Vec3| contacts_m.iter().any(|contact_m| (at_m - *contact_m).length() <= COVERED_M);
         // Where something was held, nobody has to ask whether a gripper can come.
         let covered = |number: u64| {
-            let point = draw.point(number).filter(|point| draw.has_pair(point))?;
+            let point = draw.point(number).filter(|point| !draw.middles_m(point, -point.normal).is_empty())?;
             let is_covered = is_near(point.at_m + self.annotated.origin_m);
             (is_covered || draw.is_graspable(&point)).then_some(is_covered)
         };

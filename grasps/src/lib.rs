@@ -208,7 +208,7 @@ impl CandidateSampler {
             (rotation, width_m, point_m - 0.5 * width_m * normal)
         } else {
             let tilted = axis_angle(perpendicular(normal, PI * draw.offset), draw.tilt_rad) * normal;
-            let rotation = closing_about(-tilted, PI * draw.turn_rad);
+            let rotation = from_axes(perpendicular(-tilted, PI * draw.turn_rad), -tilted);
             if rises(rotation) {
                 return None;
             }
@@ -267,11 +267,6 @@ fn approach_about(closing: Vec3, turn_rad: f32, flip: bool) -> Quat {
     let down = (-Vec3::Z + y * y.z).normalize();
     let z = axis_angle(y, turn_rad) * down;
     from_axes(y, z)
-}
-
-/// The orientation that approaches along `approach`, turned by `turn_rad` about it.
-fn closing_about(approach: Vec3, turn_rad: f32) -> Quat {
-    from_axes(perpendicular(approach, turn_rad), approach)
 }
 
 /// A unit vector across `axis`, `turn_rad` from a fixed one.

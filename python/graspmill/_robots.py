@@ -19,8 +19,8 @@ Floats = NDArray[np.float64]
 JOINTS_MAX = 8
 #: What can be done meanwhile.
 ONE_JAW = (
-    "Jaws of which one stands still and one turns (SO-100, SO-101, Koch) are not read: measure them as open as you use them,"
-    " and write a gripper file with two fingers as large as the larger jaw (docs/gripper-file.md)"
+    "Jaws of which one stands still and one turns (SO-100, SO-101, Koch) are not read: measure them, and write a gripper"
+    " file with `jaws` (docs/gripper-file.md)"
 )
 #: Seconds for which the actuators of a linkage move it.
 DRIVEN_S = 3.0

@@ -153,6 +153,8 @@ impl JawPath {
 
 #[cfg(test)]
 mod tests {
+    use core::f32::consts::FRAC_PI_6;
+
     use super::*;
     use crate::{Gripper, Purpose, Stream};
 
@@ -220,12 +222,12 @@ mod tests {
     fn tips_on_arcs_stay_parallel_and_go_forward() {
         let arc =
             |turn: f32| format!("{{ turn_rad = [{turn}, 0, 0], pivot_m = [0, 0, -0.0693], keeps_parallel = true }}");
-        let gripper = gripper(&format!("jaws = [{}, {}]", arc(-0.5236), arc(0.5236))).unwrap();
+        let gripper = gripper(&format!("jaws = [{}, {}]", arc(-FRAC_PI_6), arc(FRAC_PI_6))).unwrap();
         let [left, right] = gripper.paths();
         for (path, side) in [(left, -1.0), (right, 1.0)] {
             let pose = path.pose(path.way_m);
             assert_eq!(pose.rotation, crate::Quat::IDENTITY);
-            let forward_m = 0.08 * (1.0 - libm::cosf(0.5236));
+            let forward_m = 0.08 * (1.0 - libm::cosf(FRAC_PI_6));
             assert!(
                 (pose.translation - Vec3::new(0.0, -side * 0.04, forward_m)).length() < 2e-4,
                 "{}",

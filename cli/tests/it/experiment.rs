@@ -144,13 +144,9 @@ fn keys_are_set_from_outside_and_unknown_ones_refused() {
     let quick = ["views.count=1", "views.radius_sizes=2", "protocol=one view", "plan.detection.quality_min=0.95"];
     assert_eq!(told(&with(&quick)).0, Some(0));
     let report = String::from_utf8(run(&["report", out.to_str().unwrap()]).stdout).unwrap();
-    for text in [
-        "Experiment one view",
-        "count = 1\n",
-        "radius_sizes = 2.0",
-        "quality_min = 0.95",
-        "--set 'protocol=one view'",
-    ] {
+    for text in
+        ["Experiment one view", "count = 1\n", "radius_sizes = 2.0", "quality_min = 0.95", "--set 'protocol=one view'"]
+    {
         assert!(report.contains(text), "{text} is not in {report}");
     }
     for (set, text) in [

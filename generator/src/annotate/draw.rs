@@ -83,7 +83,7 @@ impl Draw<'_> {
 
     /// The middles between a point and those across from it, for each across from which a gripper can close: within the
     /// cones of both, and the open gripper is wider.
-    fn middles_m(&self, point: &SurfacePoint, inwards: Vec3) -> Vec<Vec3> {
+    pub(super) fn middles_m(&self, point: &SurfacePoint, inwards: Vec3) -> Vec<Vec3> {
         let bears = |normal: Vec3| {
             let along = normal.dot(inwards);
             along > 0.0 && normal.cross(inwards).length() <= self.friction * along
@@ -113,11 +113,6 @@ impl Draw<'_> {
             // Less deep, the gripper comes from further back.
             (most_m > DEPTH_M_MIN && self.world.is_reached(&pose)).then_some(pose)
         })
-    }
-
-    /// Whether there is a point straight across from a point of the surface, for a gripper to close on the two.
-    pub(super) fn has_pair(&self, point: &SurfacePoint) -> bool {
-        !self.middles_m(point, -point.normal).is_empty()
     }
 
     /// Whether a gripper can come and do so.
