@@ -139,7 +139,7 @@ THIRD = f"""<link name="thumb">{shape(JAW, (0.03, 0, 0.02))}</link><joint name="
     ({}, ("left", "thumb"), "no link is called 'thumb'; there are base, left, right"),
     ({}, ("left",), "fingers must be two links, got 1"),
     ({}, ("left", "right", "base"), "fingers must be two links, got 3"),
-    ({}, ("left", "base"), "and write a gripper file with two fingers as large as the larger jaw"),
+    ({}, ("left", "base"), "and write a gripper file with `jaws`"),
     ({"kind": "continuous", "mimic": ""}, FINGERS, "joint follow moves a finger, and so must have limits"),
     ({"more": COARSE}, FINGERS, "and hull reaches 20 mm beyond the tips"),
     ({"more": COARSE.replace("0.08", "0.05")}, FINGERS, "and hull reaches to 10 mm behind the tips"),
