@@ -1,5 +1,5 @@
-//! The gripper: a free-floating parallel jaw made of three boxes, or of five where its fingers have thinner tips; or one
-//! whose two jaws have boxes and ways of their own.
+//! The gripper: a free-floating parallel jaw made of three boxes, or of five where its fingers have thinner tips; or
+//! one whose two jaws have boxes and ways of their own.
 //!
 //! In the grasp frame the fingers reach from z = −`finger_length_m` to z = 0 and open along y; the palm lies behind
 //! them. One gripper file serves the generator, the cross-check, the planner and the experiments.
@@ -55,8 +55,8 @@ settings! {
         /// on it.
         #[serde(skip)]
         pub flange_from_grasp: Option<PoseParts>; or None,
-        /// What a driver says of the gripper at its widest opening and closed, `{ open, closed }`: for plans, which then
-        /// give what it is to be told. No dataset stores it.
+        /// What a driver says of the gripper at its widest opening and closed, `{ open, closed }`: for plans, which
+        /// then give what it is to be told. No dataset stores it.
         #[serde(skip)]
         pub joint: Option<Joint>; or None,
     }
@@ -193,7 +193,7 @@ impl Gripper {
     /// The jaw that is fixed, if one is: left (0) or right.
     #[must_use]
     pub fn fixed_side(&self) -> Option<usize> {
-        self.jaws.iter().position(Jaw::is_fixed)
+        self.jaws.iter().position(|jaw| jaw.slide_m == [0.0; 3] && jaw.turn_rad == [0.0; 3])
     }
 
     /// How far along y a gripper goes from where a thing is in its middle to where its fixed jaw, if it has one, is

@@ -65,10 +65,6 @@ pub struct JawPath {
 const LEVER_M_MIN: f32 = 0.002;
 
 impl Jaw {
-    pub(crate) fn is_fixed(&self) -> bool {
-        self.slide_m == [0.0; 3] && self.turn_rad == [0.0; 3]
-    }
-
     /// The boxes of a jaw that turns as they are given, of another as they are at the widest opening.
     pub(crate) fn given(&self, path: &JawPath) -> impl Iterator<Item = GripperBox> {
         let back_m = if path.given_m > 0.0 { Vec3::ZERO } else { path.pose(self.boxes_at * path.way_m).translation };

@@ -195,8 +195,8 @@ impl<'a> AttemptWorld<'a> {
         Stepper::new(self.physics, jaws, things, self.table_z_m, workspace_from_grasp, all_awake)
     }
 
-    /// A grasp of object `target` as it is once the hand went along y until its fixed jaw, if it has one, is beside what
-    /// it would meet: [`Gripper::BESIDE_M`] and its clearance away.
+    /// A grasp of object `target` as it is once the hand went along y until its fixed jaw, if it has one, is beside
+    /// what it would meet: [`Gripper::BESIDE_M`] and its clearance away.
     ///
     /// # Panics
     /// If the scene has no object `target`.

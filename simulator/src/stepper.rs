@@ -9,6 +9,7 @@
 //!
 //! All arithmetic is in single precision, four lanes wide on every machine, with nothing fused: the same bits anywhere.
 
+mod attempt;
 mod contact;
 mod jaws;
 mod patch;
@@ -21,7 +22,7 @@ mod tests;
 use schema::{Physics, Pose, Quat, Vec3};
 use wide::f32x4;
 
-use crate::bodies::{AttemptEngine, Bodies};
+use crate::bodies::Bodies;
 use contact::{Answer, Contact, Contacts, Motion, Pass, Relative, Touched, lanes};
 use patch::{Frame, Patch, Scratch};
 use push::{push_both, push_led, push_one, relative};
@@ -553,13 +554,13 @@ impl Bodies for Stepper<'_> {
             self.find_contacts();
             self.gone_m = 0.0;
         }
-        let before_m = self.closed_m();
+        let before_m = self.jaws.closed_m();
         self.solve();
         for (body, thing) in self.bodies.iter_mut().zip(self.things).filter(|(body, _)| body.is_awake) {
             self.gone_m += body.end_step(thing);
         }
         self.jaws.end_step(self.step_s);
-        self.gone_m += self.closed_m().iter().zip(before_m).map(|(now, before)| (now - before).abs()).sum::<f32>();
+        self.gone_m += self.jaws.closed_m().iter().zip(before_m).map(|(now, before)| (now - before).abs()).sum::<f32>();
     }
 
     fn pose(&self, object_id: usize) -> Pose {
@@ -570,42 +571,6 @@ impl Bodies for Stepper<'_> {
     fn velocities(&self, object_id: usize) -> [Vec3; 2] {
         let body = &self.bodies[object_id];
         [body.velocity_m_s, body.spin_rad_s]
-    }
-}
-
-impl AttemptEngine for Stepper<'_> {
-    fn closed_m(&self) -> [f32; 2] {
-        self.jaws.closed_m()
-    }
-
-    fn press(&mut self, asymmetry_at_contact_m: f32) {
-        self.jaws.press(asymmetry_at_contact_m);
-    }
-
-    fn move_to(&mut self, position_m: Vec3) {
-        self.jaws.move_to(position_m, self.step_s);
-    }
-
-    fn gripper_poses(&self) -> [Pose; 3] {
-        self.jaws.poses()
-    }
-
-    fn is_asleep(&self, object_id: usize) -> bool {
-        !self.bodies[object_id].is_awake
-    }
-
-    fn is_gripped(&self, object_id: usize) -> bool {
-        let by = |finger: usize| {
-            self.singles.iter().any(|c| c.first == 1 + finger && c.second == object_id && c.presses())
-                || self.led.iter().any(|c| c.first == finger && c.second == object_id && c.presses())
-        };
-        by(0) && by(1)
-    }
-
-    fn is_touched_by_others(&self, object_id: usize) -> bool {
-        let stands = |first: usize| first == TABLE || first >= WALLS;
-        self.singles.iter().any(|c| stands(c.first) && c.second == object_id && c.presses())
-            || self.doubles.iter().any(|c| (c.first == object_id || c.second == object_id) && c.presses())
     }
 }
 

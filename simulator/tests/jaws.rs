@@ -43,8 +43,8 @@ fn most(grip: &Grip<'_>, along: Vec3, [mut low, mut high]: [f32; 2]) -> f32 {
     low
 }
 
-/// A fixed jaw answers with the force of the other: 2 μ F = m a across, as between two jaws that slide, and F = m a away
-/// from it. The object is pushed towards it.
+/// A fixed jaw answers with the force of the other: 2 μ F = m a across, as between two jaws that slide, and F = m a
+/// away from it. The object is pushed towards it.
 #[test]
 fn a_fixed_jaw_holds_what_two_that_slide_hold() {
     let (procedure, mass_kg, friction) = (Procedure::PAPER, 0.7, 0.6);

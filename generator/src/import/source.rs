@@ -120,8 +120,8 @@ fn way(path: &Path) -> Vec<String> {
 }
 
 /// Gives every file a name. Before a name that files in several folders would have come the folders that not all of
-/// them have; they stand alone if it is the only such name. Then a number. Capital letters make no other name: not every
-/// disk tells such files apart.
+/// them have; they stand alone if it is the only such name. Then a number. Capital letters make no other name: not
+/// every disk tells such files apart.
 fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<(String, PathBuf)> {
     let stem = |file: &Path| plain(&file.file_stem().map_or_else(Default::default, |stem| stem.to_string_lossy()));
     let small = |name: &str| name.to_ascii_lowercase();

@@ -1,6 +1,6 @@
-//! The two jaws in the solver: each has one freedom, and a drive. A finger that slides along the world's y, or is fixed,
-//! is the simplest and fastest; any other jaw is *led*: it answers to an impulse at a point by how its way moves that
-//! point.
+//! The two jaws in the solver: each has one freedom, and a drive. A finger that slides along the world's y, or is
+//! fixed, is the simplest and fastest; any other jaw is *led*: it answers to an impulse at a point by how its way moves
+//! that point.
 
 use schema::{Gripper, GripperBox, JawPath, Pose, Vec3};
 use wide::f32x4;
