@@ -63,7 +63,7 @@ def _export(words: list[str]) -> int:
     parser = argparse.ArgumentParser("graspmill dataset export", None, EXPORT, EXAMPLES, formatter_class=kind, allow_abbrev=False)
     parser.add_argument("dataset", metavar="DATASET", help="the dataset's folder or URL")
     simulators = "scenes for MuJoCo (mjcf), for PyBullet and others (urdf), for Isaac Sim and others (usda)"
-    what = f"what VGN and GIGA read; Parquet in the plain encoding; or {simulators}"
+    what = f"what VGN and GIGA read, or {simulators}"
     parser.add_argument("--format", required=True, choices=formats.FORMATS, help=what)
     parser.add_argument("--scenes", metavar="N,FIRST-LAST", help="only these scenes, such as 0-9,17; of mjcf, urdf and usda")
     where = "a new or an empty folder, or that of the same export, interrupted: it continues there"

@@ -171,7 +171,7 @@ def from_description(
     (width, thickness), palm = _boxes(everything, opening, length)
     sizes = dict(zip(LENGTHS, (opening, length, width, thickness, *palm)))
     # Outwards to tenths of a millimetre.
-    outwards = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
+    outwards: dict[str, Any] = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
     least = min(one for one in found if np.isfinite(one[0]))
     if abs(moved := least[1] - depth) > 0.001:
         way = f"{1e3 * abs(moved):.0f} mm {'forwards' if moved > 0 else 'back'}"

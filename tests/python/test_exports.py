@@ -266,4 +266,4 @@ def test_the_program_says_how_much_it_wrote(tmp_path):
     counts = {key: f"{count:,}" for key, count in told["counts"].items()}
     assert done.stdout == f"{counts['grasps']} grasps ({counts['positives']} positive) in 4 scenes: {tmp_path / 'out'}\n"
     help_ = export(DATASET, "mjcf", tmp_path, "--help").stdout
-    assert "Examples:" in help_ and "GIGA" in help_ and "{vgn,parquet,mjcf,urdf,usda}" in help_
+    assert "Examples:" in help_ and "GIGA" in help_ and "{vgn,mjcf,urdf,usda}" in help_
