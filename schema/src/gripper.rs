@@ -361,7 +361,7 @@ impl Gripper {
         self.jaw_boxes()[side].iter().flat_map(|part| part.covered(&pose)).collect()
     }
 
-    /// All that this passes on that way: of one that goes along y exactly, of another at [`SWEEP_STEPS`] places.
+    /// All that this passes on that way: of one that goes along y exactly, of another at `SWEEP_STEPS` places.
     #[must_use]
     pub fn jaw_sweep(&self, side: usize, closed_m: f32) -> Vec<GripperBox> {
         let path = self.paths()[side];

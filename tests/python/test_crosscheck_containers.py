@@ -190,13 +190,13 @@ def test_an_object_leans_on_a_wall_and_an_approach_is_stopped_by_it(name):
 @pytest.mark.parametrize("name", engines.ENGINES)
 def test_another_engine_gives_the_same_labels_among_walls(walled, name, capsys, factor):
     data = dataset.read(Path(walled._native.location), None)
-    some = 24 if factor > 1 else 3 if name == "pybullet" else 12  # PyBullet takes longer
+    some = 24 if factor > 1 else 3 if name == "pybullet" else 6  # PyBullet takes longer
     data = replace(data, scenes=[one for one in data.scenes if one.fixtures][:some])
     report = cli.run(data, [name], seed=1)
     found = report.engines[name]
     with capsys.disabled():
         print(f"\n{name}: same gate {found.same.overall}, outcomes {found.same.outcome_share}, own {found.own.overall}")
-    assert found.same.overall.count >= (120 if some == 3 else 300) and len(data.scenes) < 24
+    assert found.same.overall.count >= (120 if some == 3 else 160) and len(data.scenes) < 24
     assert any(attempt.hit == "container" for attempt in report.rows.attempts)
     assert report.gate_differences == []
     assert found.same.outcome_share >= 0.95 and found.same.overall.share >= 0.97
