@@ -34,7 +34,7 @@ words! {
 pub(crate) struct Doubts {
     between_fingers: GripperVolume,
     /// Points of the surface off the table, sorted along x: of things, of a bent table, and of what is cut.
-    pub(crate) points_m: [Vec<Vec3>; 3],
+    points_m: [Vec<Vec3>; 3],
 }
 
 impl Doubts {
@@ -48,6 +48,11 @@ impl Doubts {
         };
         let points_m = [None, Some(Joined::Table), Some(Joined::Border)].map(of);
         Self { between_fingers: GripperVolume::between_fingers(gripper), points_m }
+    }
+
+    /// Whether there are things beside what is none.
+    pub(crate) fn are_beside_things(&self) -> bool {
+        !self.points_m[0].is_empty()
     }
 
     /// Whether most between the fingers is of no thing.

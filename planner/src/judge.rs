@@ -65,7 +65,7 @@ impl Method for Judge {
             // In a container the next grasp is of another thing, if there is one: this one is heavy, slippery, or held
             // by what nobody sees, and a second grasp of it likely fails, too. What is no thing comes last.
             let off_m = if limiter.is_in_container() { &failed_m[..] } else { &[] };
-            let is_of_things = !doubts.points_m[0].is_empty();
+            let is_of_things = doubts.are_beside_things();
             let others = ask(off_m, is_of_things);
             let is_all = off_m.is_empty() && !is_of_things;
             let is_enough = is_all || others.0.first().is_some_and(|best| best.quality() >= epsilon);

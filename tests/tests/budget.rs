@@ -19,7 +19,7 @@ const RUST_MAX: &[(&str, usize)] = &[
     ("network", 2397),
     ("generator", 4372),
     ("trainer", 2845),
-    ("planner", 5173),
+    ("planner", 5176),
     ("experiments", 1255),
     ("cli", 2723),
     ("python", 1618),
