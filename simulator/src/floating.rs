@@ -139,8 +139,14 @@ impl<'a> FloatingWorld<'a> {
                 let (width_m, steps) = (Some(width_m), step + 1 - skipped);
                 return Err(Execution { outcome: Outcome::Empty, hit: None, width_m, steps });
             }
-            if asymmetry_m.is_some() || stepper.is_gripped(0) {
-                stepper.press(*asymmetry_m.get_or_insert(closed_m[0] - closed_m[1]));
+            if asymmetry_m.is_none() && stepper.is_gripped(0) {
+                asymmetry_m = Some(closed_m[0] - closed_m[1]);
+                if world.physics.shortcuts {
+                    stepper.keep_contacts();
+                }
+            }
+            if let Some(asymmetry_m) = asymmetry_m {
+                stepper.press(asymmetry_m);
             }
             if fingers.have_stopped(closed_m) {
                 break;

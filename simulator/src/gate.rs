@@ -164,11 +164,14 @@ impl Gate {
         workspace_from_grasp.inverse() * self.obstacles[object_id].1
     }
 
-    /// The parts of all objects, then the fixtures, in the frame of a grasp.
-    pub(crate) fn placed(&self, workspace_from_grasp: &Pose) -> Vec<PlacedPart> {
+    /// The parts of all objects and the fixtures that are near one of some boxes, in the frame of a grasp.
+    pub(crate) fn placed(&self, workspace_from_grasp: &Pose, boxes: &[GripperBox]) -> Vec<PlacedPart> {
         let grasp_from_workspace = workspace_from_grasp.inverse();
-        let all = self.obstacles.iter().chain([&self.fixtures]);
-        all.flat_map(|(hulls, pose)| placed(hulls, &(grasp_from_workspace * *pose))).collect()
+        let near = |(hulls, pose): &Obstacle| -> Vec<PlacedPart> {
+            let pose = grasp_from_workspace * *pose;
+            hulls.iter().filter(|hull| hull.is_near(&pose, boxes)).map(|hull| hull.placed(&pose)).collect()
+        };
+        self.obstacles.iter().chain([&self.fixtures]).flat_map(near).collect()
     }
 
     /// Whether the scene has fixtures.

@@ -53,7 +53,6 @@ impl AttemptWorld<'_> {
     fn free_closing(&self, workspace_from_grasp: &Pose) -> (usize, Option<f32>) {
         let (gripper, step_m) = (self.gripper, self.closing_step_m());
         let near_m = NEAR_M + 2.0 * step_m;
-        let objects = self.gate.placed(workspace_from_grasp);
         let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
         let fingers = gripper.fingers(gripper.opening_m_max).into_iter().zip([Vec3::Y, -Vec3::Y]);
         let free_m = fingers
@@ -61,7 +60,8 @@ impl AttemptWorld<'_> {
                 let near = finger.grown(near_m);
                 let (grown, swept) =
                     (PlacedPart::from_box(&near, &Pose::IDENTITY), near.swept(inward * gripper.opening_m_max));
-                let on_way = objects.iter().filter(|o| swept.is_near(o.centre_m, o.radius_m));
+                let on_way = self.gate.placed(workspace_from_grasp, &[swept]);
+                let on_way = on_way.iter();
                 let to_objects = on_way.map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
                 let sinking = -inward.dot(up);
                 let above_m = finger.lowest_z_m(workspace_from_grasp) - near_m - self.table_z_m;

@@ -59,10 +59,13 @@ impl TestedPart {
 
     /// The part at a pose if it is near one of some boxes.
     pub(crate) fn near(&self, pose: &Pose, boxes: &[GripperBox]) -> Option<PlacedPart> {
-        let centre_m = pose.transform_point(self.centre_m);
         let edges = || self.edges.iter().map(|e| pose.rotation * *e).collect();
-        let is_near = boxes.iter().any(|b| b.is_near(centre_m, self.radius_m));
-        is_near.then(|| PlacedPart { edges: edges(), ..self.placed(pose) })
+        self.is_near(pose, boxes).then(|| PlacedPart { edges: edges(), ..self.placed(pose) })
+    }
+
+    pub(crate) fn is_near(&self, pose: &Pose, boxes: &[GripperBox]) -> bool {
+        let centre_m = pose.transform_point(self.centre_m);
+        boxes.iter().any(|b| b.is_near(centre_m, self.radius_m))
     }
 }
 

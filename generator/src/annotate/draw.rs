@@ -44,7 +44,7 @@ const TURN: f64 = 0.618_033_988_749_894_8;
 const NUMBERS_A_GRASP: u64 = 200;
 const NUMBERS_MIN: u64 = 20_000;
 /// Numbers that are tried at a time, on all cores.
-const NUMBERS_CHUNK: u64 = 2_048;
+const NUMBERS_CHUNK: u64 = 256;
 
 /// What draws grasps.
 pub(super) struct Draw<'a> {

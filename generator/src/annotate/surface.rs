@@ -25,14 +25,9 @@ struct Triangle {
     normal: Vec3,
     /// The direction of the longest edge of its face.
     along: Vec3,
+    middle_m: Vec3,
     /// All of it is this near to its middle, in metres.
     radius_m: f32,
-}
-
-impl Triangle {
-    fn middle_m(&self) -> Vec3 {
-        self.corners_m.iter().sum::<Vec3>() / 3.0
-    }
 }
 
 /// A point on the surface, the outward normal there, and the direction of the longest edge of the face.
@@ -58,10 +53,10 @@ impl Surface {
             let along = edges.iter().nth_back(usize::from(is_mesh)).copied().unwrap_or_default();
             let along = along.normalize_or(normal.any_orthonormal_vector());
             let triangle = |corners: [usize; 3]| {
-                let mut triangle = Triangle { corners_m: corners.map(|c| corners_m[c]), normal, along, radius_m: 0.0 };
-                let middle_m = triangle.middle_m();
-                triangle.radius_m = triangle.corners_m.iter().fold(0.0, |far, c| c.distance(middle_m).max(far));
-                triangle
+                let corners_m = corners.map(|c| corners_m[c]);
+                let middle_m = corners_m.iter().sum::<Vec3>() / 3.0;
+                let radius_m = corners_m.iter().fold(0.0, |far: f32, c| c.distance(middle_m).max(far));
+                Triangle { corners_m, normal, along, middle_m, radius_m }
             };
             face.triangles().map(triangle).collect()
         };
@@ -69,7 +64,7 @@ impl Surface {
         let [low, high] = bounds_m(&corners_m);
         let cells = ((1_u32 << MORTON_BITS) - 1) as f32;
         let place = |triangle: &Triangle| {
-            let share = (triangle.middle_m() - low) / (high - low).max(Vec3::splat(1e-9));
+            let share = (triangle.middle_m - low) / (high - low).max(Vec3::splat(1e-9));
             share.to_array().map(|share| (share.clamp(0.0, 1.0) * cells) as u32)
         };
         triangles.sort_by_key(|triangle| (normal_octant(triangle.normal), morton(place(triangle))));
@@ -125,7 +120,7 @@ impl Surface {
         let (mut least_m, mut best) = (f32::INFINITY, [at_m, -push]);
         for triangle in &self.triangles {
             // Rounding is far below the slack.
-            if triangle.middle_m().distance(at_m) > 1.001 * (least_m + triangle.radius_m) {
+            if triangle.middle_m.distance(at_m) > 1.001 * (least_m + triangle.radius_m) {
                 continue;
             }
             let (on_m, normal) = (nearest_m(triangle, at_m), triangle.normal);

@@ -10,7 +10,7 @@
 use schema::Vec3;
 use wide::f32x4;
 
-use super::shape::{Edge, Hull, Part, along, bits};
+use super::shape::{Edge, Hull, Part, Thing, along, bits};
 
 /// Points this far apart are contacts already, so that a step cannot carry bodies through each other.
 pub(super) const PREDICTION_M: f32 = 0.002;
@@ -75,6 +75,11 @@ impl Frame {
 
     pub(super) fn turn_back(&self, v: Vec3) -> Vec3 {
         Vec3::new(self.axes[0].dot(v), self.axes[1].dot(v), self.axes[2].dot(v))
+    }
+
+    /// The world's axes in this frame.
+    fn turned_axes(&self) -> [Vec3; 3] {
+        core::array::from_fn(|k| Vec3::new(self.axes[0][k], self.axes[1][k], self.axes[2][k]))
     }
 
     /// Another frame as it is in this one.
@@ -159,6 +164,21 @@ pub(super) fn ball_near_box(centre_m: Vec3, radius_m: f32, box_centre_m: Vec3, h
     outside.length_squared() < reach_m * reach_m
 }
 
+/// The parts of a thing whose bounding boxes are near a box whose axes are the world's.
+pub(super) fn near_box(centre_m: Vec3, half_m: Vec3, frame: &Frame, thing: &Thing) -> impl Iterator<Item = usize> {
+    let centre_m = frame.in_body(centre_m);
+    let axes = frame.turned_axes();
+    thing.boxes_m.iter().enumerate().flat_map(move |(group, [middles_m, reaches_m])| {
+        let apart = |k: usize| {
+            let axis = axes[k];
+            let reach_m = along(reaches_m, axis.abs()) + f32x4::splat(half_m[k] + PREDICTION_M + ROUNDING_M);
+            (along(middles_m, axis) - f32x4::splat(axis.dot(centre_m))).abs().simd_gt(reach_m)
+        };
+        let apart = (apart(0) | apart(1) | apart(2)).to_bitmask();
+        (0..4).filter(move |lane| apart >> lane & 1 == 0).map(move |lane| 4 * group + lane)
+    })
+}
+
 /// A part and a box whose axes are the world's; the normal points from the box to the part.
 pub(super) fn on_box(
     box_centre_m: Vec3,
@@ -173,15 +193,7 @@ pub(super) fn on_box(
     }
     // Everything in the part's frame, where nothing of it has to be moved.
     let centre_m = frame.in_body(box_centre_m);
-    let box_axes: [Vec3; 3] = core::array::from_fn(|k| Vec3::new(frame.axes[0][k], frame.axes[1][k], frame.axes[2][k]));
-    let [middle_m, reach_m] = hull.box_m;
-    let is_apart = |(k, axis): (usize, &Vec3)| {
-        let apart_m = axis.dot(middle_m - centre_m).abs() - axis.abs().dot(reach_m) - half_m[k];
-        apart_m > PREDICTION_M + ROUNDING_M
-    };
-    if box_axes.iter().enumerate().any(is_apart) {
-        return None;
-    }
+    let box_axes = frame.turned_axes();
     let mut best = Best { gap_m: f32::NEG_INFINITY, face: Side::First(0), normal: Vec3::ZERO };
     for (k, axis) in box_axes.iter().enumerate() {
         let ([low, high], middle) = (hull.span(*axis), axis.dot(centre_m));

@@ -49,6 +49,8 @@ pub(crate) fn span(points: &[Wide3], axis: Vec3) -> [f32; 2] {
 /// An object, in its own frame.
 pub(crate) struct Thing {
     pub(super) parts: Vec<Part>,
+    /// The middles and half lengths of the parts' bounding boxes, four at a time.
+    pub(super) boxes_m: Vec<[Wide3; 2]>,
     /// Its inertia.
     pub(super) mass_kg: f32,
     /// Share of that which has weight.
@@ -121,7 +123,10 @@ impl Thing {
         let centre_m = mass.local_com / units;
         let moments = mass.principal_inertia() / (units * units);
         let corners_m = parts.iter().flat_map(|part| &part.hull.corners_m);
+        let boxes_of =
+            |parts: &[Part]| [0, 1].map(|i| wide(&parts.iter().map(|p| p.hull.box_m[i]).collect::<Vec<_>>()));
         Self {
+            boxes_m: parts.chunks(4).map(boxes_of).collect(),
             radius_m: corners_m.map(|c| (*c - centre_m).length()).fold(0.0, f32::max),
             parts,
             mass_kg: mass.mass(),
