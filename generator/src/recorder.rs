@@ -167,7 +167,7 @@ impl Watcher for Recorder<'_> {
             self.shoot(moment);
         }
         match event {
-            AttemptEvent::NothingBetween { steps } | AttemptEvent::ClosedFreely { steps } if steps > 0 => {
+            AttemptEvent::ClosedFreely { steps } if steps > 0 => {
                 self.begin(Phase::Close);
                 self.happens(EventKind::Note, describe_event(&event));
                 self.close_freely(steps);
@@ -202,9 +202,6 @@ fn mm(metres: f32) -> String {
 /// An event as text.
 fn describe_event(event: &AttemptEvent) -> String {
     match event {
-        AttemptEvent::NothingBetween { steps } => {
-            format!("nothing is between the jaws: closing ({steps} steps) is not simulated")
-        }
         AttemptEvent::ClosedFreely { steps } => {
             format!("nothing is near the fingers for {steps} steps: these steps are not simulated")
         }
@@ -214,7 +211,7 @@ fn describe_event(event: &AttemptEvent) -> String {
         }
         AttemptEvent::JawsMet { width_m } => format!("the jaws have met at {}", mm(*width_m)),
         AttemptEvent::Pushed { object_id, moved_m } => {
-            format!("closing pushed object {object_id} by {}, more than the limit", mm(*moved_m))
+            format!("object {object_id} was moved by {}, more than the limit", mm(*moved_m))
         }
         AttemptEvent::NearContainer => "the gripper came too close to the container".to_owned(),
         AttemptEvent::NearTable => "a finger ended too close to the table".to_owned(),
@@ -222,16 +219,12 @@ fn describe_event(event: &AttemptEvent) -> String {
             "the target moves with the gripper, everything else rests and the way is free: the lift ends {} early",
             mm(*rest_m)
         ),
-        AttemptEvent::JawsMetLifting { width_m } => format!("the jaws have met while lifting, at {}", mm(*width_m)),
         AttemptEvent::LeftBehind { travel_m, travel_m_min } => {
             format!("the target moved {} with the gripper; at least {} are required", mm(*travel_m), mm(*travel_m_min))
         }
         AttemptEvent::NotGripped => "the target moved with the gripper, but not both fingers press on it".to_owned(),
         AttemptEvent::Gripped { travel_m } => {
             format!("the target moved {} with the gripper, and both fingers press on it", mm(*travel_m))
-        }
-        AttemptEvent::Raised { object_id, raised_m } => {
-            format!("the lift raised object {object_id} by {}, more than the limit", mm(*raised_m))
         }
         AttemptEvent::Decided(execution) => describe_end(execution),
     }

@@ -370,7 +370,7 @@ impl<'a> Run<'a> {
             self.lift_once(&mut lift);
             let width_m = self.width_m();
             if width_m <= procedure.empty_width_m {
-                self.tell(AttemptEvent::JawsMetLifting { width_m });
+                self.tell(AttemptEvent::JawsMet { width_m });
                 return false;
             }
             if self.shortcuts {
@@ -484,7 +484,7 @@ impl<'a> Run<'a> {
         let limit = self.setup.procedure.other_lift_m_max;
         let raised_m = |id: usize| (now[id] - before[id]).dot(up);
         let object_id = self.others().find(|id| raised_m(*id) > limit)?;
-        self.tell(AttemptEvent::Raised { object_id, raised_m: raised_m(object_id) });
+        self.tell(AttemptEvent::Pushed { object_id, moved_m: raised_m(object_id) });
         Some(Hit::object(object_id, self.target))
     }
 

@@ -207,7 +207,7 @@ impl Gate {
 
     /// The parts of an object, or the fixtures, somewhere else.
     pub(crate) fn placed_at(&self, object_id: Option<usize>, pose: &Pose) -> Vec<PlacedPart> {
-        placed(&self.obstacle(object_id).0, pose)
+        self.obstacle(object_id).0.iter().map(|hull| hull.placed(pose)).collect()
     }
 
     /// The parts of an object, or the fixtures, in the frame of a grasp, that any of `boxes` overlaps.
@@ -252,10 +252,6 @@ pub(crate) fn halved(most: f32, halvings: usize, is_free: impl Fn(f32) -> bool) 
 
 fn overlap(parts: &[PlacedPart], boxes: &[GripperBox]) -> bool {
     parts.iter().any(|part| boxes.iter().any(|b| part.overlaps(b)))
-}
-
-fn placed(hulls: &[TestedPart], pose: &Pose) -> Vec<PlacedPart> {
-    hulls.iter().map(|hull| hull.placed(pose)).collect()
 }
 
 #[cfg(test)]

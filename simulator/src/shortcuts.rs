@@ -42,8 +42,7 @@ impl AttemptWorld<'_> {
         let (steps, width_m) = self.free_closing(workspace_from_grasp);
         let empty = width_m.map(|_| Execution { outcome: Outcome::Empty, hit: None, width_m, steps: 0 });
         if let Some(watcher) = watcher {
-            let nothing_between = AttemptEvent::NothingBetween { steps };
-            watcher.event(if empty.is_some() { nothing_between } else { AttemptEvent::ClosedFreely { steps } }, None);
+            watcher.event(AttemptEvent::ClosedFreely { steps }, None);
         }
         empty.map_or(Ok(steps), Err)
     }

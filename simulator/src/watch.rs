@@ -35,12 +35,7 @@ pub enum Phase {
 /// A decision or event of an attempt.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AttemptEvent {
-    /// Nothing is between the jaws, so the shortcut skips the closing.
-    NothingBetween {
-        /// Steps until they meet.
-        steps: usize,
-    },
-    /// Nothing is near the fingers for some steps, so the shortcut skips these.
+    /// Nothing is near the fingers for some steps, perhaps until they meet, so the shortcut skips these.
     ClosedFreely {
         /// Skipped steps.
         steps: usize,
@@ -55,12 +50,12 @@ pub enum AttemptEvent {
         /// Opening in metres.
         width_m: f32,
     },
-    /// The jaws have met while closing.
+    /// The jaws have met.
     JawsMet {
         /// Opening in metres.
         width_m: f32,
     },
-    /// Closing moved another object by more than the limit.
+    /// Closing or lifting moved another object by more than the limit.
     Pushed {
         /// Which.
         object_id: usize,
@@ -77,11 +72,6 @@ pub enum AttemptEvent {
         /// Remaining distance, in metres.
         rest_m: f32,
     },
-    /// The jaws have met while lifting or holding.
-    JawsMetLifting {
-        /// Opening in metres.
-        width_m: f32,
-    },
     /// At the end of the hold the target has not moved far enough with the gripper.
     LeftBehind {
         /// Distance that it moved, in metres.
@@ -95,13 +85,6 @@ pub enum AttemptEvent {
     Gripped {
         /// Distance that it moved, in metres.
         travel_m: f32,
-    },
-    /// The lift raised another object by more than the limit.
-    Raised {
-        /// Which.
-        object_id: usize,
-        /// How far, in metres.
-        raised_m: f32,
     },
     /// The attempt is over. Further steps are only shown.
     Decided(Execution),
