@@ -127,7 +127,7 @@ class Runner:
         return [np.array([0.0, side * closed, 0.0]) for side, closed in zip((1, -1), self._engine.closed_m())]
 
     def _width_m(self) -> float:
-        return max(self._gripper.opening_m_max - sum(self._engine.closed_m()), 0.0)
+        return self._gripper.gap_m(self._engine.closed_m())
 
     def _close(self, before_step: Callable[[], None] = lambda: None) -> float:
         """Closes until both fingers have stopped; returns the opening in metres."""

@@ -18,6 +18,7 @@ import pybullet
 
 from .compound import box_of
 from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, Scene, SceneObject
+from .dataset import alike
 from .hull import Hull
 from .pose import Pose
 from .solid import Solid
@@ -70,6 +71,7 @@ class Bullet:
 
     def load(self, scene: Scene, gripper: Gripper, environment: Environment) -> None:
         """Takes a scene over."""
+        alike([gripper], self.name)
         self._scene, self._gripper, self._environment = scene, gripper, environment
         self.step_rate_hz = stable_rate_hz(self.options.step_rate_hz, gripper.finger_mass_kg)
         self._centroids = [o.solid.centroid_m for o in scene.objects]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil, cos
 
 import numpy as np
 
 from .compound import Compound
 from .hull import Hull
+from .jaws import GripperBox, Jaw
 from .pose import Pose
 from .solid import Solid
 
@@ -27,28 +29,8 @@ RISE = 0.2
 
 
 @dataclass(frozen=True)
-class GripperBox:
-    """A box of the gripper along the grasp frame's axes: `centre_m` (3,), `half_m` (3,)."""
-
-    centre_m: np.ndarray
-    half_m: np.ndarray
-
-    def swept(self, way_m: np.ndarray) -> GripperBox:
-        """What the box passes on a straight way (3,) along one of the axes."""
-        return GripperBox(self.centre_m + way_m / 2, self.half_m + np.abs(way_m) / 2)
-
-    def shifted(self, offset_m: np.ndarray) -> GripperBox:
-        """The box moved by `offset_m` (3,)."""
-        return GripperBox(self.centre_m + offset_m, self.half_m)
-
-    def grown(self, margin_m: float) -> GripperBox:
-        """The box larger by `margin_m` on every side."""
-        return GripperBox(self.centre_m, self.half_m + margin_m)
-
-
-@dataclass(frozen=True)
 class Gripper:
-    """A parallel jaw of three boxes, or of five if its fingers have thinner tips; fields as in the gripper file."""
+    """A palm with two fingers of a box, or of two if they have thinner tips, or with two other jaws; fields as in the gripper file."""
 
     name: str
     opening_m_max: float
@@ -64,6 +46,25 @@ class Gripper:
     friction: float
     clearance_m: float
     finger_tip: dict[str, float] | None = None
+    jaws: Sequence[dict] = ()
+
+    @cached_property
+    def each_jaw(self) -> list[Jaw]:
+        """The jaw at −y, then the one at +y."""
+        tips_m = [np.array([0.0, side * self.opening_m_max / 2, 0.0]) for side in (-1, 1)]
+        abouts = self.jaws or [{"slide_m": -tip_m} for tip_m in tips_m]
+        return [Jaw.of(*one) for one in zip(abouts, tips_m, self.fingers(self.opening_m_max))]
+
+    def reach_m(self, closed_m: Sequence[float]) -> list[float]:
+        """How far each tip has come along y, inwards, when it has come so far on its way."""
+        if not self.jaws:
+            return [*closed_m]
+        poses = [jaw.pose(way_m).apply(jaw.tip_m) - jaw.tip_m for jaw, way_m in zip(self.each_jaw, closed_m)]
+        return [float(poses[0][1]), -float(poses[1][1])]
+
+    def gap_m(self, closed_m: Sequence[float]) -> float:
+        """The opening between tips that have come so far on their ways."""
+        return max(self.opening_m_max - sum(self.reach_m(closed_m)), 0.0)
 
     def fingers(self, width_m: float) -> tuple[GripperBox, GripperBox]:
         """The finger at −y, then the one at +y, as thick as their tips, inner faces `width_m` apart."""
@@ -80,10 +81,13 @@ class Gripper:
         return GripperBox(np.array([0.0, 0.0, -self.finger_length_m - half[2]]), half)
 
     def open_gripper(self) -> list[GripperBox]:
-        """Both fingers and the palm, wide open, and the fingers behind their tips where they are thicker there."""
-        boxes = [*self.fingers(self.opening_m_max), self.palm()]
+        """Both jaws and the palm, wide open, and the fingers behind their tips where they are thicker there."""
+        jaws = self.each_jaw
+        boxes = [part for jaw in jaws for box in jaw.boxes for part in box.covered(jaw.open_from_given)] + [self.palm()]
         if self.finger_tip:
-            boxes += self._fingers(self.opening_m_max, self.finger_thickness_m, self.finger_tip["length_m"])
+            behind = self._fingers(self.opening_m_max, self.finger_thickness_m, self.finger_tip["length_m"])
+            fingers = [(jaw, box) for jaw, box, about in zip(jaws, behind, self.jaws or ({}, {})) if not about.get("boxes")]
+            boxes += [part for jaw, box in fingers for part in box.covered(jaw.open_from_given)]
         return boxes
 
 

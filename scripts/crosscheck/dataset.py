@@ -65,7 +65,14 @@ def read(folder: Path, scene_count: int | None) -> Dataset:
     count = total if scene_count is None else min(scene_count, total)
     fixtures = {} if size_m is None else _read_fixtures(folder, count, size_m, environment.table_z_m)
     scenes = _read_scenes(folder, count, models, fixtures)
-    return Dataset(folder.resolve().name, seed, grippers, procedure, environment, rate, scenes, total)
+    return Dataset(folder.resolve().name, seed, alike(grippers, "the cross-check of scenes"), procedure, environment, rate, scenes, total)
+
+
+def alike(grippers: list[Gripper], who: str) -> list[Gripper]:
+    """Grippers whose fingers slide alike; raises NoDataset if `who` does not know one."""
+    if named := [gripper.name for gripper in grippers if gripper.jaws]:
+        raise NoDataset(f"{who} takes fingers that slide alike, and {named[0]} has jaws of its own: mujoco takes them, for objects that float")
+    return grippers
 
 
 def _read_info(folder: Path) -> dict:

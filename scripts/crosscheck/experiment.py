@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .compound import Compound, compound_of
 from .contract import OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene
-from .dataset import POSE, DamagedDataset, Dataset, NoDataset, build, object_of, pose_of, read_json, read_rows
+from .dataset import POSE, DamagedDataset, Dataset, NoDataset, alike, build, object_of, pose_of, read_json, read_rows
 
 RUN, BODIES, ATTEMPTS, OBJECTS = "run.json", "bodies.json", "attempts.parquet", "objects.parquet"
 COLUMNS = {
@@ -39,7 +39,7 @@ def read(folder: Path, round_count: int | None) -> Dataset:
         raise DamagedDataset(f"{folder / RUN}: {error!r}") from error
     compounds = _compounds(folder / BODIES)
     scenes = _scenes(folder, round_count, compounds)
-    return Dataset(folder.resolve().name, seed, [gripper], procedure, environment, rate, scenes, len(scenes))
+    return Dataset(folder.resolve().name, seed, alike([gripper], "the cross-check of scenes"), procedure, environment, rate, scenes, len(scenes))
 
 
 def _compounds(path: Path) -> dict[str, Compound]:

@@ -163,6 +163,6 @@ class FloatingRunner(Runner):
 
     def _centre_m(self, grasp: Pose) -> np.ndarray:
         """The centre of mass against the point between the fingers, in the grasp frame (3,)."""
-        left, right = self._engine.closed_m()
+        left, right = self._gripper.reach_m(self._engine.closed_m())
         middle_m = np.array([0.0, (left - right) / 2, 0.0])
         return (self._floating.centre_m() - grasp.position_m) @ grasp.rotation - middle_m

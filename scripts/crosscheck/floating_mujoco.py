@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
-from .contract import GEAR_STIFFNESS_N_M, Environment, Gripper, Scene
-from .mujoco_engine import FINGERS, PALM_MASS_KG, Mujoco
+from .contract import Environment, Gripper, Scene
+from .mujoco_engine import PALM_MASS_KG, Mujoco
 from .pose import Pose, conjugate, product, vector_from_quat
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -22,11 +22,12 @@ class FloatingMujoco(Mujoco):
             # Of a spring (t, 1) with the impedance d the stiffness is 1 / ((1 - d) A t²), where A is the sum of the
             # bodies' inverse masses as the model has them.
             model, stiffness_n_m = self._model, environment.point_stiffness_n_m(gripper)
-            inverse_1_kg = sum(model.body_invweight0[model.body(name).id][0] for name in ("object0", FINGERS[0]))
-            soft = 1 / (stiffness_n_m * inverse_1_kg * SOFT_TIME_S**2)
-            fingers = np.isin(model.pair_geom1, self._finger_geoms) | np.isin(model.pair_geom2, self._finger_geoms)
-            model.pair_solref[fingers, 0] = SOFT_TIME_S
-            model.pair_solimp[fingers, :2] = np.clip(1 - soft, 0.1, 0.9999)
+            for finger in self._finger_geoms:
+                own = model.geom_bodyid[[self._geoms[0][0], finger[0]]]
+                soft = 1 / (stiffness_n_m * model.body_invweight0[own, 0].sum() * SOFT_TIME_S**2)
+                pairs = np.isin(model.pair_geom1, finger) | np.isin(model.pair_geom2, finger)
+                model.pair_solref[pairs, 0] = SOFT_TIME_S
+                model.pair_solimp[pairs, :2] = np.clip(1 - soft, 0.1, 0.9999)
 
     def _compiled(self, xml: str) -> mujoco.MjModel:
         spec = mujoco.MjSpec.from_string(xml)
@@ -52,9 +53,8 @@ class FloatingMujoco(Mujoco):
 
     def tie(self, asymmetry_m: float) -> None:
         """Finger force less what the fingers' speed takes, as while they close, and gear spring."""
-        left, right = self.closed_m()
-        spring, force = GEAR_STIFFNESS_N_M * (left - right - asymmetry_m) / 2, self._gripper.finger_force_n
-        self._actuate([force - spring, force + spring], force / self._gripper.closing_speed_m_s, 100 * force)
+        force = self._gripper.finger_force_n
+        self._actuate(self._forces_n(asymmetry_m), force / self._gripper.closing_speed_m_s, 100 * force)
 
     def pull(self, acceleration_m_s2: np.ndarray) -> None:
         """Accelerates the object."""

@@ -12,11 +12,14 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 import numpy as np
 
-from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, GripperBox, Scene
+from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, Scene
+from .jaws import Jaw
 from .pose import Pose
 
 FINGERS = ("left", "right")
 PALM_MASS_KG = 1000.0
+# Of the arm on which a jaw goes along an arc, which has no mass in our physics.
+ARM_MASS_SHARE = 1e-3
 TABLE_HALF_M = (1.5, 1.5, 0.5)
 
 
@@ -51,12 +54,16 @@ class Mujoco:
         model = self._model
         self._bodies = [model.body(f"object{i}").id for i in range(self._count)]
         self._geoms = [[model.geom(name).id for name in _parts(scene, i)] for i in range(self._count)]
-        self._finger_geoms = [model.geom(name).id for name in FINGERS]
-        self._gripper_geoms = [*self._finger_geoms, model.geom("palm").id]
+        self._finger_geoms = [[model.geom(name).id for name in names] for names in _fingers(gripper).values()]
+        self._gripper_geoms = [*sum(self._finger_geoms, []), model.geom("palm").id]
         self._table_geom = model.geom("table").id
         self._fixture_geoms = [model.geom(name).id for name in _fixtures(scene)]
-        self._slides = {name: model.joint(name).qposadr[0] for name in (*FINGERS, "palm")}
-        self._speeds = {name: model.joint(name).dofadr[0] for name in (*FINGERS, "palm")}
+        self._moving = [jaw.way_m > 0 for jaw in gripper.each_jaw]
+        # How far a tip goes for each unit of its joint: the lever of a jaw that turns.
+        self._levers = {name: jaw.lever_m or 1.0 for name, jaw in zip(FINGERS, gripper.each_jaw) if jaw.way_m}
+        self._levers |= {f"{name}_back": -jaw.lever_m for name, jaw in zip(FINGERS, gripper.each_jaw) if jaw.goes_on_arc}
+        self._slides = {name: model.joint(name).qposadr[0] for name in (*self._levers, "palm")}
+        self._speeds = {name: model.joint(name).dofadr[0] for name in (*self._levers, "palm")}
 
     def _compiled(self, xml: str) -> mujoco.MjModel:
         return mujoco.MjModel.from_xml_string(xml)
@@ -83,11 +90,11 @@ class Mujoco:
         self._actuate([0.0, 0.0] if is_open else [force, force], force / speed, force)
         # A finger whose speed is not the one wanted is at its force limit, where the implicit step leaves the damping
         # out: it would jump to many times its speed, stop, and jump again.
-        for finger in FINGERS:
-            self._data.qvel[self._speeds[finger]] = 0.0 if is_open else speed
+        for name, lever_m in self._levers.items():
+            self._data.qvel[self._speeds[name]] = 0.0 if is_open else speed / lever_m
 
     def _actuate(self, forces_n: list[float], damping_n_s_m: float, limit_n: float) -> None:
-        self._data.ctrl[:] = forces_n
+        self._data.ctrl[:] = np.array(forces_n)[self._moving]
         self._model.actuator_biasprm[:, 2] = -damping_n_s_m
         self._model.actuator_forcerange[:] = (-limit_n, limit_n)
 
@@ -101,15 +108,18 @@ class Mujoco:
 
     def closed_m(self) -> tuple[float, float]:
         """How far the fingers have closed."""
-        left, right = (float(self._data.qpos[self._slides[name]]) for name in FINGERS)
+        left, right = (self._levers[name] * float(self._data.qpos[self._slides[name]]) if name in self._levers else 0.0 for name in FINGERS)
         return left, right
+
+    def _forces_n(self, asymmetry_m: float) -> list[float]:
+        """Finger force and, of two jaws that move, gear spring."""
+        left, right = self.closed_m()
+        spring = GEAR_STIFFNESS_N_M * (left - right - asymmetry_m) / 2 if all(self._moving) else 0.0
+        return [self._gripper.finger_force_n - spring, self._gripper.finger_force_n + spring]
 
     def press(self, asymmetry_at_contact_m: float) -> None:
         """Finger force and gear spring; the damper is the actuators' bias."""
-        left, right = self.closed_m()
-        spring = GEAR_STIFFNESS_N_M * (left - right - asymmetry_at_contact_m) / 2
-        force = self._gripper.finger_force_n
-        self._actuate([force - spring, force + spring], GEAR_DAMPING_N_S_M, 100 * force)
+        self._actuate(self._forces_n(asymmetry_at_contact_m), GEAR_DAMPING_N_S_M, 100 * self._gripper.finger_force_n)
 
     def move_to(self, distance_m: float) -> None:
         """Where the palm ends the next step."""
@@ -129,8 +139,8 @@ class Mujoco:
         """Whether both fingers press on an object."""
         return all(any(self._normal_force_n(c) > 0 for c in self._contacts(finger, target)) for finger in self._finger_geoms)
 
-    def _contacts(self, finger: int, target: int) -> list[int]:
-        pairs = [{finger, geom} for geom in self._geoms[target]]
+    def _contacts(self, finger: list[int], target: int) -> list[int]:
+        pairs = [{own, geom} for own in finger for geom in self._geoms[target]]
         return [c for c in range(self._data.ncon) if {*self._data.contact[c].geom} in pairs]
 
     def _normal_force_n(self, contact: int) -> float:
@@ -159,13 +169,14 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
     indices = range(len(scene.objects))
     parts = {i: _parts(scene, i) for i in indices}
     frictions = {name: scene.objects[i].friction for i in indices for name in parts[i]}
-    own = dict.fromkeys(("palm", *FINGERS), gripper.friction)
+    fingers = sum(_fingers(gripper).values(), [])
+    own = dict.fromkeys(("palm", *fingers), gripper.friction)
     among = [pair for i, j in combinations(indices, 2) for pair in product(parts[i], parts[j])]
     pairs = [(a, b, frictions[a] * frictions[b]) for a, b in among]
     pairs += [(a, b, frictions[a] * own[b]) for a in frictions for b in own]
     for fixed in ("table", *_fixtures(scene)):
         pairs += [(a, fixed, frictions[a] * environment.table_friction) for a in frictions]
-        pairs += [(finger, fixed, gripper.friction * environment.table_friction) for finger in FINGERS]
+        pairs += [(finger, fixed, gripper.friction * environment.table_friction) for finger in fingers]
     shapes = [shape for i in indices for shape in zip(parts[i], scene.objects[i].solid.convexes)]
     shapes += zip(_fixtures(scene), scene.fixtures)
     meshes = "".join(_tag("mesh", name=name, vertex=part.vertices_m.ravel()) for name, part in shapes)
@@ -179,15 +190,19 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
     contacts = "".join(
         _tag("pair", geom1=a, geom2=b, condim=3, friction=(mu, mu, 0, 0, 0), **shared) for a, b, mu in pairs
     )
-    motors = "".join(
-        _tag("general", joint=name, gainprm=1, biastype="affine", biasprm=(0, 0, -1), forcelimited="true", forcerange=(-1, 1))
-        for name in FINGERS
+    drive = {"gainprm": 1, "biastype": "affine", "biasprm": (0, 0, -1), "forcelimited": "true", "forcerange": (-1, 1)}
+    moving = [(name, jaw) for name, jaw in zip(FINGERS, gripper.each_jaw) if jaw.way_m]
+    motors = "".join(_tag("general", joint=name, gear=jaw.lever_m or 1, **drive) for name, jaw in moving)
+    # What goes along an arc without turning turns back by as much on its arm.
+    backs = "".join(
+        _tag("joint", joint1=f"{name}_back", joint2=name, polycoef=(0, -1, 0, 0, 0), **shared)
+        for name, jaw in moving if jaw.goes_on_arc
     )  # fmt: skip
     bodies = "".join(_object_xml(i, scene) for i in indices)
     return (
-        f"<mujoco>{option}<default><geom contype='0' conaffinity='0'/></default><asset>{meshes}</asset>"
+        f"<mujoco><compiler angle='radian'/>{option}<default><geom contype='0' conaffinity='0'/></default><asset>{meshes}</asset>"
         f"<worldbody>{table}{fixtures}{bodies}{_gripper_xml(gripper)}</worldbody>"
-        f"<contact>{contacts}</contact><actuator>{motors}</actuator></mujoco>"
+        f"<contact>{contacts}</contact><equality>{backs}</equality><actuator>{motors}</actuator></mujoco>"
     )
 
 
@@ -214,19 +229,41 @@ def _object_xml(index: int, scene: Scene) -> str:
     return _tag("body", inside, name=name, pos=pose.position_m, quat=np.roll(pose.quat_xyzw, 1))
 
 
-def _gripper_xml(gripper: Gripper) -> str:
-    def part(name: str, box: GripperBox, axis: tuple, mass_kg: float, inside: str = "", **joint: object) -> str:
-        slide = _tag("joint", name=name, type="slide", axis=axis, **joint)
-        inertial = _tag("inertial", pos=box.centre_m, mass=mass_kg, diaginertia=(mass_kg * 1e-3,) * 3)
-        geom = _tag("geom", name=name, type="box", size=box.half_m, pos=box.centre_m)
-        return _tag("body", slide + inertial + geom + inside, name=name, gravcomp=1)
+def _fingers(gripper: Gripper) -> dict[str, list[str]]:
+    """Names of the shapes of both jaws."""
+    return {name: [name, *(f"{name}{i}" for i in range(1, len(jaw.boxes)))] for name, jaw in zip(FINGERS, gripper.each_jaw)}
 
-    limits = {"limited": "true", "range": (0, gripper.opening_m_max / 2)}
-    fingers = "".join(
-        part(name, box, (0, inward, 0), gripper.finger_mass_kg, **limits)
-        for name, box, inward in zip(FINGERS, gripper.fingers(gripper.opening_m_max), (1, -1))
-    )
-    return _tag("body", part("palm", gripper.palm(), (0, 0, 1), PALM_MASS_KG, fingers), name="root")
+
+def _gripper_xml(gripper: Gripper) -> str:
+    jaws = zip(_fingers(gripper).items(), gripper.each_jaw)
+    fingers = "".join(_jaw_xml(*name_and_geoms, jaw, gripper.finger_mass_kg) for name_and_geoms, jaw in jaws)
+    box = gripper.palm()
+    palm = _tag("geom", name="palm", type="box", size=box.half_m, pos=box.centre_m) + fingers
+    return _tag("body", _body_xml("palm", box.centre_m, PALM_MASS_KG, palm, type="slide", axis=(0, 0, 1)), name="root")
+
+
+def _body_xml(name: str, at_m: np.ndarray, mass_kg: float, inside: str, **joint: object) -> str:
+    """A part of the gripper with its mass at a point, on a joint of its name if it has one."""
+    held = _tag("joint", name=name, **joint) if joint else ""
+    inertial = _tag("inertial", pos=at_m, mass=mass_kg, diaginertia=(mass_kg * 1e-3,) * 3)
+    return _tag("body", held + inertial + inside, name=name, gravcomp=1)
+
+
+def _jaw_xml(name: str, geoms: list[str], jaw: Jaw, mass_kg: float) -> str:
+    """A jaw whose mass is at its tip."""
+    place = jaw.open_from_given
+    inside = "".join(
+        _tag("geom", name=geom, type="box", size=box.half_m, pos=place.apply(box.centre_m), quat=np.roll(place.quat_xyzw, 1))
+        for geom, box in zip(geoms, jaw.boxes)
+    )  # fmt: skip
+    joint = {"limited": "true", "range": (0, jaw.way_m / (jaw.lever_m or 1))}
+    if not jaw.lever_m:
+        return _body_xml(name, jaw.tip_m, mass_kg, inside, **({"type": "slide", "axis": jaw.slide_m, **joint} if jaw.way_m else {}))
+    joint |= {"type": "hinge", "axis": jaw.turn_rad, "pos": jaw.pivot_m}
+    if not jaw.goes_on_arc:
+        return _body_xml(name, jaw.tip_m, mass_kg, inside, **joint)
+    held = _body_xml(f"{name}_back", jaw.tip_m, mass_kg, inside, type="hinge", axis=jaw.turn_rad, pos=jaw.tip_m)
+    return _body_xml(name, jaw.pivot_m, ARM_MASS_SHARE * mass_kg, held, **joint)
 
 
 def _tag(kind: str, inside: str = "", **attributes: object) -> str:
