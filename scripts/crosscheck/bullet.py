@@ -80,9 +80,7 @@ class Bullet:
         """A fresh world, built from the stored rows; without a gripper if there is no pose."""
         c = self.client
         pybullet.resetSimulation(physicsClientId=c)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=1 / self.step_rate_hz, numSolverIterations=self.options.solver_iterations, physicsClientId=c
-        )
+        pybullet.setPhysicsEngineParameter(fixedTimeStep=1 / self.step_rate_hz, numSolverIterations=self.options.solver_iterations, physicsClientId=c)
         pybullet.setGravity(0, 0, -self._environment.gravity_m_s2, physicsClientId=c)
         self._table = self._add_table()
         self._fixtures = [self._add_fixture(part) for part in self._scene.fixtures]
@@ -100,9 +98,7 @@ class Bullet:
 
     def _add_fixture(self, part: Hull) -> int:
         shape, at = self._part(part)
-        fixture = pybullet.createMultiBody(
-            0, shape, basePosition=at.position_m, baseOrientation=at.quat_xyzw, physicsClientId=self.client
-        )
+        fixture = pybullet.createMultiBody(0, shape, basePosition=at.position_m, baseOrientation=at.quat_xyzw, physicsClientId=self.client)
         self._surface(fixture, -1, self._environment.table_friction)
         return fixture
 
@@ -137,9 +133,7 @@ class Bullet:
             physicsClientId=c,
         )  # fmt: skip
         inertia = solid.inertia_kg_m2(scene_object.mass_kg)
-        self._surface(
-            body, -1, scene_object.friction, collisionMargin=self.options.margin_m, localInertiaDiagonal=inertia
-        )
+        self._surface(body, -1, scene_object.friction, collisionMargin=self.options.margin_m, localInertiaDiagonal=inertia)
         return body
 
     def _shape(self, solid: Solid) -> int:
@@ -148,16 +142,12 @@ class Bullet:
             half = np.array(solid.extents_m) / 2
             return pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client)
         corners = solid.shrunk(self.options.margin_m) - solid.centroid_m
-        return pybullet.createCollisionShape(
-            pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=self.client
-        )
+        return pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=self.client)
 
     def _add_gripper(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
         c, gripper, pose = self.client, self._gripper, workspace_from_grasp
         boxes = [gripper.palm(), *gripper.fingers(gripper.opening_m_max)]
-        shapes = [
-            pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=box.half_m, physicsClientId=c) for box in boxes
-        ]
+        shapes = [pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=box.half_m, physicsClientId=c) for box in boxes]
         centres = [box.centre_m for box in boxes]
         # Link frames sit at the boxes' centres; the fingers' are given from the palm's.
         frames = [centres[0], centres[1] - centres[0], centres[2] - centres[0]]
@@ -172,10 +162,7 @@ class Bullet:
         )  # fmt: skip
         self._surface(self._gripper_id, PALM, gripper.friction)
         for finger in (LEFT, RIGHT):
-            self._surface(
-                self._gripper_id, finger, gripper.friction, jointLowerLimit=0.0,
-                jointUpperLimit=gripper.opening_m_max / 2,
-            )  # fmt: skip
+            self._surface(self._gripper_id, finger, gripper.friction, jointLowerLimit=0.0, jointUpperLimit=gripper.opening_m_max / 2)
         # The gripper is held by a robot that makes up for the fingers' weight.
         self._lift = (pose.rotation.T @ [0, 0, gripper.finger_mass_kg * self._environment.gravity_m_s2]).tolist()
         self._drive_palm(0.0)
@@ -196,10 +183,7 @@ class Bullet:
 
     def place(self, workspace_from_grasp: Pose) -> None:
         """Puts the gripper's root elsewhere."""
-        pybullet.resetBasePositionAndOrientation(
-            self._gripper_id, workspace_from_grasp.position_m, workspace_from_grasp.quat_xyzw,
-            physicsClientId=self.client,
-        )  # fmt: skip
+        pybullet.resetBasePositionAndOrientation(self._gripper_id, workspace_from_grasp.position_m, workspace_from_grasp.quat_xyzw, physicsClientId=self.client)
 
     def hold_open(self, is_open: bool) -> None:
         """Fingers stand still, or close."""
@@ -209,9 +193,7 @@ class Bullet:
         """One step."""
         if self._gripper_id is not None:
             for finger in (LEFT, RIGHT):
-                pybullet.applyExternalForce(
-                    self._gripper_id, finger, self._lift, [0, 0, 0], pybullet.LINK_FRAME, physicsClientId=self.client
-                )
+                pybullet.applyExternalForce(self._gripper_id, finger, self._lift, [0, 0, 0], pybullet.LINK_FRAME, physicsClientId=self.client)
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def closed_m(self) -> tuple[float, float]:
@@ -225,12 +207,8 @@ class Bullet:
         spring = GEAR_STIFFNESS_N_M * (left[0] - right[0] - asymmetry_at_contact_m) / 2
         for finger, state, sign in ((LEFT, left, 1.0), (RIGHT, right, -1.0)):
             force = self._gripper.finger_force_n - sign * spring - GEAR_DAMPING_N_S_M * state[1]
-            pybullet.setJointMotorControl2(
-                self._gripper_id, finger, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=self.client
-            )
-            pybullet.setJointMotorControl2(
-                self._gripper_id, finger, pybullet.TORQUE_CONTROL, force=force, physicsClientId=self.client
-            )
+            pybullet.setJointMotorControl2(self._gripper_id, finger, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=self.client)
+            pybullet.setJointMotorControl2(self._gripper_id, finger, pybullet.TORQUE_CONTROL, force=force, physicsClientId=self.client)
 
     def move_to(self, distance_m: float) -> None:
         """The speed that brings the palm there in one step."""

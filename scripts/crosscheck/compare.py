@@ -92,10 +92,7 @@ def compare(rows: Rows, theirs: Pass, seed: int) -> Comparison:
 def compare_passes(rows: Rows, a: Pass, b: Pass, seed: int) -> tuple[Agreement, Agreement]:
     """Two passes against each other: overall, and among attempts that reach closing in both."""
     closing = reaches_closing([e.outcome for e in a.executions]) & reaches_closing([e.outcome for e in b.executions])
-    return (
-        agreement(a.labels, b.labels, rows.scenes, seed),
-        agreement(a.labels[closing], b.labels[closing], rows.scenes[closing], seed),
-    )
+    return (agreement(a.labels, b.labels, rows.scenes, seed), agreement(a.labels[closing], b.labels[closing], rows.scenes[closing], seed))
 
 
 def compare_gate(rows: Rows, gate: list[GateResult]) -> list[int]:

@@ -140,9 +140,7 @@ def read_rows(path: Path, columns: list[str], key: str, below: int | None) -> li
         raise DamagedDataset(f"{path}: {error}") from error
 
 
-def _scene(
-    scene_id: int, objects: list[dict], attempts: list[dict], models: dict[str, Compound], fixtures: tuple[Hull, ...]
-) -> Scene:
+def _scene(scene_id: int, objects: list[dict], attempts: list[dict], models: dict[str, Compound], fixtures: tuple[Hull, ...]) -> Scene:
     try:
         objects = sorted(objects, key=lambda row: row["object_id"])
         if [row["object_id"] for row in objects] != list(range(len(objects))):
@@ -178,6 +176,4 @@ def _attempt(row: dict, object_count: int) -> Attempt:
     if not 0 <= row["object_id"] < object_count:
         raise ValueError(f"attempt {row['attempt_id']} aims at object {row['object_id']} of {object_count}")
     width = float("nan") if row["width_m"] is None else row["width_m"]
-    return Attempt(
-        row["attempt_id"], row["object_id"], row["shape"], row["rule"], pose_of(row), row["outcome"], row["hit"], width
-    )
+    return Attempt(row["attempt_id"], row["object_id"], row["shape"], row["rule"], pose_of(row), row["outcome"], row["hit"], width)

@@ -101,10 +101,7 @@ def loads(test: str, gripper: Gripper) -> list[Load]:
 class FloatingRunner(Runner):
     """Executes grasps of one floating object in an engine."""
 
-    def __init__(
-        self, test: str, engine: FloatingEngine, scene: Scene, gripper: Gripper, procedure: Procedure,
-        environment: Environment,
-    ):  # fmt: skip
+    def __init__(self, test: str, engine: FloatingEngine, scene: Scene, gripper: Gripper, procedure: Procedure, environment: Environment):
         super().__init__(engine, scene, gripper, procedure, environment)
         self._floating, self._loads, self._most = engine, loads(test, gripper), MOST.get(test, MOST_ELSE)
 

@@ -27,17 +27,12 @@ class FloatingBullet(CompoundBullet):
 
     def _add_gripper(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
         super()._add_gripper(workspace_from_grasp, retreat)
-        pybullet.changeDynamics(
-            self._gripper_id, -1, localInertiaDiagonal=ROOT_INERTIA_KG_M2, physicsClientId=self.client
-        )
+        pybullet.changeDynamics(self._gripper_id, -1, localInertiaDiagonal=ROOT_INERTIA_KG_M2, physicsClientId=self.client)
         if self._environment.finger_depth_m:
             stiffness_n_m = self._environment.point_stiffness_n_m(self._gripper)
             damping_n_s_m = 2 * np.sqrt(stiffness_n_m * self._gripper.finger_mass_kg / 4)
             for finger in (LEFT, RIGHT):
-                pybullet.changeDynamics(
-                    self._gripper_id, finger, contactStiffness=stiffness_n_m, contactDamping=damping_n_s_m,
-                    physicsClientId=self.client,
-                )  # fmt: skip
+                pybullet.changeDynamics(self._gripper_id, finger, contactStiffness=stiffness_n_m, contactDamping=damping_n_s_m, physicsClientId=self.client)
         self._there = workspace_from_grasp
 
     def place(self, workspace_from_grasp: Pose) -> None:
@@ -74,13 +69,8 @@ class FloatingBullet(CompoundBullet):
         base = pybullet.getBasePositionAndOrientation(self._gripper_id, physicsClientId=c)
         at_m, quat = (np.array(part) for part in base)
         turn_rad = vector_from_quat(product(there.quat_xyzw, conjugate(quat)))
-        pybullet.resetBaseVelocity(
-            self._gripper_id, (there.position_m - at_m) * self.step_rate_hz, turn_rad * self.step_rate_hz,
-            physicsClientId=c,
-        )  # fmt: skip
-        pybullet.applyExternalForce(
-            self.bodies[0], -1, self._force_n, self.centre_m(), pybullet.WORLD_FRAME, physicsClientId=c
-        )
+        pybullet.resetBaseVelocity(self._gripper_id, (there.position_m - at_m) * self.step_rate_hz, turn_rad * self.step_rate_hz, physicsClientId=c)
+        pybullet.applyExternalForce(self.bodies[0], -1, self._force_n, self.centre_m(), pybullet.WORLD_FRAME, physicsClientId=c)
         super().step()
 
     def save(self) -> int:

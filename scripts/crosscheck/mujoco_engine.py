@@ -152,9 +152,7 @@ class Mujoco:
         """What the gripper comes nearer to than `reach_m`, by MuJoCo's own distance query."""
         mujoco.mj_kinematics(self._model, self._data)
         others = [geom for i, geoms in enumerate(self._geoms) if i != target for geom in geoms]
-        things = {
-            "target": self._geoms[target], "other": others, "container": self._fixture_geoms, "table": [self._table_geom],
-        }  # fmt: skip
+        things = {"target": self._geoms[target], "other": others, "container": self._fixture_geoms, "table": [self._table_geom]}
         for name, geoms in things.items():
             if any(self._distance(part, geom, reach_m) <= reach_m for part in self._gripper_geoms for geom in geoms):
                 return name
@@ -187,17 +185,12 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
         integrator="implicitfast", impratio=options.friction_stiffness, noslip_iterations=options.noslip_iterations,
     )  # fmt: skip
     shared = {"solref": (options.contact_time_s, 1), "solimp": (options.impedance, options.impedance, 1e-4)}
-    contacts = "".join(
-        _tag("pair", geom1=a, geom2=b, condim=3, friction=(mu, mu, 0, 0, 0), **shared) for a, b, mu in pairs
-    )
+    contacts = "".join(_tag("pair", geom1=a, geom2=b, condim=3, friction=(mu, mu, 0, 0, 0), **shared) for a, b, mu in pairs)
     drive = {"gainprm": 1, "biastype": "affine", "biasprm": (0, 0, -1), "forcelimited": "true", "forcerange": (-1, 1)}
     moving = [(name, jaw) for name, jaw in zip(FINGERS, gripper.each_jaw) if jaw.way_m]
     motors = "".join(_tag("general", joint=name, gear=jaw.lever_m or 1, **drive) for name, jaw in moving)
     # What goes along an arc without turning turns back by as much on its arm.
-    backs = "".join(
-        _tag("joint", joint1=f"{name}_back", joint2=name, polycoef=(0, -1, 0, 0, 0), **shared)
-        for name, jaw in moving if jaw.goes_on_arc
-    )  # fmt: skip
+    backs = "".join(_tag("joint", joint1=f"{name}_back", joint2=name, polycoef=(0, -1, 0, 0, 0), **shared) for name, jaw in moving if jaw.goes_on_arc)
     bodies = "".join(_object_xml(i, scene) for i in indices)
     return (
         f"<mujoco><compiler angle='radian'/>{option}<default><geom contype='0' conaffinity='0'/></default><asset>{meshes}</asset>"

@@ -184,10 +184,7 @@ def as_json(report: Report, seed: int) -> dict:
     for title, theirs in report.passes.items():
         pairs = zip(rows.attempts, theirs.executions)
         found[title] = {
-            "agreement": {
-                line.name.strip("*"): {"overall": line.overall.as_json(), "closing": line.closing.as_json()}
-                for line in lines(report, theirs, seed)
-            },
+            "agreement": {line.name.strip("*"): {"overall": line.overall.as_json(), "closing": line.closing.as_json()} for line in lines(report, theirs, seed)},
             "disagreements": [
                 {
                     "object": ours.shape,

@@ -112,10 +112,7 @@ def _third(report: Report) -> str:
 
 def _disagreements(report: Report) -> str:
     names = list(report.engines)
-    differing = [
-        i for i, label in enumerate(report.rows.labels)
-        if any(report.engines[name].same_gate.labels[i] != label for name in names)
-    ]  # fmt: skip
+    differing = [i for i, label in enumerate(report.rows.labels) if any(report.engines[name].same_gate.labels[i] != label for name in names)]
     head = ["scene/attempt", "rule", "from vertical", "ours", *names, "opening ours [mm]"]
     lines = []
     for i in differing:
@@ -146,12 +143,7 @@ def as_json(report: Report) -> dict:
 
 def _engine_json(found: EngineReport) -> dict:
     drift = np.percentile(found.drift.moved_m, [50, 99, 100]).tolist() if len(found.drift.moved_m) else None
-    return {
-        **found.about,
-        "drift_m_p50_p99_max": drift,
-        "same_gate": _comparison_json(found.same),
-        "own_approach": _comparison_json(found.own),
-    }
+    return {**found.about, "drift_m_p50_p99_max": drift, "same_gate": _comparison_json(found.same), "own_approach": _comparison_json(found.own)}
 
 
 def _comparison_json(c: Comparison) -> dict:
