@@ -134,9 +134,7 @@ def _export_onnx(words: list[str]) -> int:
 #: Formats of grasps whose files say how many metres a unit of the mesh is.
 WITH_SCALE = ("acronym", "graspgen", "isaac_grasp")
 #: What ends the name of a file: the format, and the first of its endings.
-ENDINGS = {
-    form: next(f".{form}{ending}" for ending, of in grasp_files.ENDINGS.items() if of == form) for form in grasp_files.WRITTEN
-}
+ENDINGS = {form: next(f".{form}{ending}" for ending, of in grasp_files.ENDINGS.items() if of == form) for form in grasp_files.WRITTEN}
 
 
 def _annotate(words: list[str]) -> int:

@@ -37,6 +37,7 @@ _Path = str | PathLike[str]
 class Simulation:
     gripper: list[tuple[str, float]]
     gripper_name: str
+    jaws: str
     flange_from_grasp: list[float] | None
     finger_tip: list[float] | None
     @staticmethod

@@ -158,9 +158,7 @@ class Order:
                 own.append((scene, some))
         return Drawn(own, mirrored[low:high], (high - low) * self.ranks / size)
 
-    def _batches(
-        self, blocks: list[Block], dice: np.random.Generator, sizes: Iterable[int]
-    ) -> Iterator[tuple[list[Part], NDArray[np.uint32]]]:
+    def _batches(self, blocks: list[Block], dice: np.random.Generator, sizes: Iterable[int]) -> Iterator[tuple[list[Part], NDArray[np.uint32]]]:
         remaining = iter(sizes)
         size = room = int(next(remaining, 0))
         held: list[Part] = []

@@ -55,9 +55,7 @@ class Camera:
         own |= {"workspace_from_camera": matrix @ _OPENGL if self.convention == "opengl" else matrix, "convention": "opencv"}
 
     @classmethod
-    def from_K(
-        cls, K: ArrayLike, shape: tuple[int, int], workspace_from_camera: ArrayLike | None = None, *, convention: Convention = "opencv"
-    ) -> Camera:
+    def from_K(cls, K: ArrayLike, shape: tuple[int, int], workspace_from_camera: ArrayLike | None = None, *, convention: Convention = "opencv") -> Camera:
         """A camera from an intrinsic matrix, as OpenCV and ROS have it.
 
         Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, fields
-from typing import Union
+from typing import Any, Mapping, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ class Gripper:
         clearance_m: The approaching gripper counts as colliding with anything nearer than this.
         flange_from_grasp: The grasp frame in the flange's, ``[4, 4]``, ``[7]`` or ``[3]``; plans then have both poses.
         finger_tip: Thickness and length of the part of the fingers at their tips that is thinner, if there is one.
+        jaws: Of other jaws the one at −y and the one at +y, by the keys of a gripper's file (``docs/gripper-file.md``, other jaws).
     """
 
     name: str
@@ -47,6 +48,7 @@ class Gripper:
     clearance_m: float = 0.001
     flange_from_grasp: NDArray[np.float64] | None = None
     finger_tip: tuple[float, float] | None = None
+    jaws: Sequence[Mapping[str, Any]] = ()
 
     def __post_init__(self) -> None:
         if self.flange_from_grasp is not None:
@@ -70,11 +72,11 @@ class Gripper:
         pose = None if flange is None else _arrays.matrices([flange])[0]
         tip = read.finger_tip and (_arrays.shortest(read.finger_tip[0]), _arrays.shortest(read.finger_tip[1]))
         numbers = {key: _arrays.shortest(value) for key, value in read.gripper}
-        return cls(name=read.gripper_name, flange_from_grasp=pose, finger_tip=tip or None, **numbers)
+        return cls(name=read.gripper_name, flange_from_grasp=pose, finger_tip=tip or None, jaws=tuple(json.loads(read.jaws)), **numbers)
 
 
 #: Numbers of a gripper.
-LENGTHS = tuple(one.name for one in fields(Gripper) if one.name not in ("name", "flange_from_grasp", "finger_tip"))
+LENGTHS = tuple(one.name for one in fields(Gripper) if one.name not in ("name", "flange_from_grasp", "finger_tip", "jaws"))
 
 
 def loaded(gripper: GripperLike) -> Gripper:
@@ -97,8 +99,17 @@ def lines(gripper: Gripper, decimals: int | None = None) -> list[str]:
     if gripper.finger_tip is not None:
         thickness, length = (_arrays.number("finger_tip", part, 0.0, 1e3) for part in gripper.finger_tip)
         parts.append(f"finger_tip = {{ thickness_m = {thickness!r}, length_m = {length!r} }}")
+    with _arrays.read_as("jaws must be two mappings, by the keys of a gripper's file", gripper.jaws):
+        parts += [f"jaws = {_toml(gripper.jaws)}"] if len(gripper.jaws) else []
     if gripper.flange_from_grasp is not None:
         pose = _arrays.pose("flange_from_grasp", gripper.flange_from_grasp)
         *position, x, y, z, w = pose if decimals is None else (round(part, decimals) for part in pose)
         parts.append(f"flange_from_grasp = {{ position_m = {position}, quaternion_xyzw = {[x, y, z, w]} }}")
     return parts
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{json.dumps(key)} = {_toml(part)}' for key, part in value.items())} }}"
+    parts = value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+    return f"[{', '.join(map(_toml, parts))}]" if isinstance(parts, (list, tuple)) else json.dumps(parts, allow_nan=False)

@@ -203,9 +203,7 @@ class Scene(Immutable):
         return made, rows
 
     @classmethod
-    def _again(
-        cls, objects: list[Object], table_z_m: float, container: Container | None, stored: tuple[_native.Dataset, int] | None
-    ) -> Scene:
+    def _again(cls, objects: list[Object], table_z_m: float, container: Container | None, stored: tuple[_native.Dataset, int] | None) -> Scene:
         """What pickle makes: the simulation of a stored scene is read from its dataset."""
         made = cls(objects, table_z_m=table_z_m, container=container)
         return made if stored is None else cls._of(stored)[0]._with(made._native)

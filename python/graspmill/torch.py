@@ -96,9 +96,7 @@ class _Samples:
         where = {(int(place), int(attempt)): row for row, (place, attempt, *_) in enumerate(numbers)}
         return grids.reshape(len(scenes), 1, self.side, self.side, self.side), where, rows
 
-    def batch(
-        self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], mirrored: NDArray[np.uint32]
-    ) -> dict[str, Tensor]:
+    def batch(self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], mirrored: NDArray[np.uint32]) -> dict[str, Tensor]:
         """Rows in the scenes' grids as a batch. Crops are mirrored in x (1), y (2), both (3) or not (0)."""
         if self.has_crops:
             self._crops = self._crops or self.dataset._native.crops()

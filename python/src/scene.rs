@@ -99,14 +99,16 @@ impl Simulation {
         Ok(if is_other_gripper { made } else { Self { gripper: self.gripper.clone(), ..made } })
     }
 
-    /// The gripper's numbers, by their names in its file; a fault of one that they do not describe.
+    /// The gripper's numbers, by their names in its file.
     #[getter]
-    fn gripper(&self) -> PyResult<Vec<(&'static str, f32)>> {
-        let Gripper { name, jaws, .. } = &self.gripper;
-        if !jaws.is_empty() {
-            return Err(wrong(format!("gripper {name} has jaws of its own, of which its numbers say nothing")));
-        }
-        Ok(self.gripper.numbers().to_vec())
+    fn gripper(&self) -> Vec<(&'static str, f32)> {
+        self.gripper.numbers().to_vec()
+    }
+
+    /// Its jaws, if they are no fingers that slide alike, as JSON.
+    #[getter]
+    fn jaws(&self) -> PyResult<String> {
+        serde_json::to_string(&self.gripper.jaws).map_err(|error| wrong(error.to_string()))
     }
 
     /// Thickness and length of its fingers' tips, in metres, if they are thinner.

@@ -119,6 +119,17 @@ def test_a_gripper_is_its_numbers():
     refused("three_fingers", lambda: graspmill.Gripper.load("three_fingers"))
 
 
+def test_a_gripper_has_other_jaws_as_its_file_has_them(tmp_path):
+    numbers = {key: value for key, value in vars(graspmill.Gripper.load("parallel_jaw_80")).items() if key not in ("name", "closing_speed_m_s")}
+    slides = graspmill.Gripper(**{**numbers, "name": "own", "closing_speed_m_s": 0.1, "jaws": ({}, {"slide_m": np.array([0, -0.08, 0])})})
+    (tmp_path / "own.toml").write_text("\n".join(graspmill.grippers.lines(slides)))
+    read = graspmill.Gripper.load(tmp_path / "own.toml")
+    assert [jaw["slide_m"] for jaw in read.jaws] == [[0, 0, 0], [0, -0.08, 0]] and not read.jaws[0]["keeps_parallel"]
+    refused("jaws must be two mappings, by the keys", lambda: graspmill.Gripper(**{**numbers, "name": "own", "closing_speed_m_s": 0.1, "jaws": 5}))
+    scene = graspmill.generate(tmp_path / "ds", gripper=read, shards=1, attempts=6, seed=5).scene(0)
+    refused("own has jaws of its own", lambda: scene.export(tmp_path / "scene"))
+
+
 def test_a_gripper_of_numbers_does_what_the_built_in_one_does(tmp_path):
     box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075), mass_kg=0.05)
     scene = graspmill.Scene([box])

@@ -37,9 +37,7 @@ def selected(text: str) -> list[range]:
     return ranges
 
 
-def export(
-    dataset: Dataset, form: str, out: str, chosen: list[range] | None = None, done: Callable[[int], None] = lambda _: None
-) -> dict[str, Any]:
+def export(dataset: Dataset, form: str, out: str, chosen: list[range] | None = None, done: Callable[[int], None] = lambda _: None) -> dict[str, Any]:
     """Writes a dataset in one of :data:`FORMATS` to an empty or new folder, or continues an equal export; a complete
     one is not changed. Returns the content of ``export.json``. Of formats for simulators some scenes may be chosen;
     ``done`` is called with numbers of scenes that are done. Raises InputError if the dataset does not fit the format,

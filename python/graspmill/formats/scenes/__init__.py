@@ -29,9 +29,7 @@ def export_scene(dataset: _native.Dataset, info: dict[str, Any], scene_id: int, 
     return world.rows
 
 
-def write(
-    dataset: _native.Dataset, info: dict[str, Any], form: str, scenes: list[int], folder: Path, done: Callable[[int], None]
-) -> dict[str, int]:
+def write(dataset: _native.Dataset, info: dict[str, Any], form: str, scenes: list[int], folder: Path, done: Callable[[int], None]) -> dict[str, int]:
     counts = dict.fromkeys(("attempts", "positives", "scenes"), 0)
     for scene_id in scenes:
         path = folder / f"scene-{scene_id:09}"

@@ -95,6 +95,8 @@ class World:
         self.still = [Still("table", friction, {"table": Box(centre_m, singles(*TABLE_HALF_M))})]
         if walls:
             self.still.append(Still("container", friction, _named("container", [_hull(wall) for wall in walls])))
+        rule = f"a scene's gripper must have fingers that slide alike to be exported, and {simulation.gripper_name} has jaws of its own"
+        _arrays.must(simulation.jaws == "[]", rule)
         self.gripper = {key: Single(value) for key, value in simulation.gripper}
         self.stroke_m = Single(self.gripper["opening_m_max"] / 2)
         self.damping = Single(self.gripper["finger_force_n"] / self.gripper["closing_speed_m_s"])

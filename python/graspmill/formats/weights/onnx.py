@@ -24,10 +24,7 @@ DOUBLING = {
 }
 VOXEL, CLOSINGS, JUDGE = "vgn-conv-40", "closings-conv-40", "hand-judge-1"
 #: Outputs and their channels.
-OUTPUTS = {
-    VOXEL: {"quality": 1, "rotation": 4, "width": 1},
-    CLOSINGS: {"quality_logit": 3, "approach": 3, "turns": 15, "width": 3, "tips": 3},
-}
+OUTPUTS = {VOXEL: {"quality": 1, "rotation": 4, "width": 1}, CLOSINGS: {"quality_logit": 3, "approach": 3, "turns": 15, "width": 3, "tips": 3}}
 DOCS = {
     VOXEL: (
         "Volumetric grasp network. In: tsdf [batch, 1, 40, 40, 40], truncated signed distances in VGN's values ((d + 1) / 2 in "
