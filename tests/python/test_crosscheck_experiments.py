@@ -1,6 +1,7 @@
 """The cross-check of experiments: hulls and compounds against closed forms, and a report that is known by hand."""
 
 import json
+from dataclasses import asdict
 from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
@@ -228,7 +229,7 @@ def experiment(folder: Path, attempts: list | None = None, objects: list | None 
     pq.write_table(pa.Table.from_pylist(stood if objects is None else objects), folder / "objects.parquet")
     (folder / "bodies.json").write_text(json.dumps({"stand": {"parts": [{"vertices_m": p.tolist()} for p in (FOOT, STEM)]}}))
     physics = {"engine": "rapier3d", "step_rate_hz": 240.0, "gravity_m_s2": 9.81, "table_friction": 1.0}
-    told = {"gripper": vars(GRIPPER), "procedure": {**vars(PROCEDURE), "more": 1.0}}
+    told = {"gripper": asdict(GRIPPER), "procedure": {**vars(PROCEDURE), "more": 1.0}}
     (folder / "run.json").write_text(json.dumps({"protocol": "test", "seeds": [7], "table_z_m": 0.05, "physics": physics, **told}))
     return folder
 

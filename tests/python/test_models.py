@@ -1,6 +1,7 @@
 """The cross-check of datasets whose objects are models from meta/info.json, with the same bodies in both engines."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ ATTEMPT = {
 def written(folder: Path, version: int = 2, models: bool = True, **row: object) -> Path:
     """A dataset of one scene: a T that is called as a primitive is."""
     info = {
-        "format_version": version, "seed": 1, "scene_count": 1, "grid": {"table_z_m": 0.05}, "gripper": vars(GRIPPER),
+        "format_version": version, "seed": 1, "scene_count": 1, "grid": {"table_z_m": 0.05}, "gripper": asdict(GRIPPER),
         "procedure": vars(PROCEDURE),
         "config": {"physics": {"table_friction": 1.0, "gravity_m_s2": 9.81, "step_rate_hz": 240.0}},
         **({"models": [{"name": "cuboid", "parts": [{"corners_m": BAR}, {"corners_m": STEM}]}]} if models else {}),
