@@ -17,13 +17,10 @@ Floats = NDArray[np.float64]
 
 #: Independent joints of a gripper, each of which is tried at both of its limits.
 JOINTS_MAX = 8
-#: What can be done meanwhile.
-ONE_JAW = (
-    "Jaws of which one stands still and one turns (SO-100, SO-101, Koch) are not read: measure them, and write a gripper"
-    " file with `jaws` (docs/gripper-file.md)"
-)
-#: Seconds for which the actuators of a linkage move it.
+#: Seconds for which the actuators of a linkage hold it at an end.
 DRIVEN_S = 3.0
+#: So many of their ways are looked at.
+DRIVEN_STATES = 13
 #: Flat sides of what is round, as in the simulation (``FACETS`` of ``schema/src/solid.rs``).
 SIDES = 24
 
@@ -193,22 +190,22 @@ class GripperModel:
         self.mujoco.mj_kinematics(self.model, self.data)
         self.fingers, self.flange = [self.body(name) for name in fingers], None if flange is None else self.body(flange)
         ways = [self.way(body) for body in self.fingers]
-        rule = f"fingers must be two links that move apart, got {fingers[0]} and {fingers[1]}, of which one carries the other"
-        _arrays.must(self.fingers[0] not in ways[1] and self.fingers[1] not in ways[0], f"{rule}: {path}. {ONE_JAW}")
         self.root = self.palm = next(body for body in ways[0] if body in ways[1])
         while self.root and self.model.body_parentid[self.root] and not self.model.body_jntnum[self.root]:
             self.root = int(self.model.body_parentid[self.root])
         bodies = [body for body in range(self.model.nbody) if self.root in self.way(body)]
         self.joints = [joint for joint in range(self.model.njnt) if self.model.jnt_bodyid[joint] in bodies and self.model.jnt_bodyid[joint] != self.root]
-        for name, body in zip(fingers, self.fingers):
-            _arrays.must(self.moves(body), f"no joint moves {name} against the palm {self.name(self.root)}: {path}. {ONE_JAW}")
+        # The fingers that move; the other one is fixed.
+        self.moving = [side for side in (0, 1) if self.moves(self.fingers[side])]
+        _arrays.must(self.moving, f"no joint moves {' or '.join(fingers)} against the palm {self.name(self.root)}: {path}")
         left_out = self._left_out(without)
         self.geoms = [geom for geom in range(self.model.ngeom) if self.model.geom_bodyid[geom] in set(bodies) - left_out]
         colliding = [geom for geom in self.geoms if self.model.geom_contype[geom] | self.model.geom_conaffinity[geom]]
         self.geoms = colliding or self.geoms
         carriers = [self.way(self.model.geom_bodyid[geom]) for geom in self.geoms]
-        # Of each shape the finger that it belongs to: what its link carries.
-        self.sides = [next((side for side in (0, 1) if self.fingers[side] in way), None) for way in carriers]
+        # Of each shape the finger that it belongs to: what its link carries; a fixed one may carry the other.
+        order = sorted((0, 1), key=lambda side: side not in self.moving)
+        self.sides = [next((side for side in order if self.fingers[side] in way), None) for way in carriers]
         for name, way, side in zip(fingers, ways, (0, 1)):
             others = ", ".join(map(self.name, way[1:]))
             _arrays.must(side in self.sides, f"{name} must have a shape, and none of its links has (it is carried by {others}): {path}")
@@ -234,12 +231,13 @@ class GripperModel:
     def moves(self, body: int) -> bool:
         return any(self.model.jnt_bodyid[joint] in self.way(body) for joint in self.joints)
 
-    def states(self) -> list[Floats]:
-        # Positions of all joints that are tried: as the description has them, and at their limits.
+    def corners(self) -> list[Floats]:
+        # Positions of all joints at the limits of those that move the fingers; of a linkage on the way between them.
         model, kinds = self.model, self.mujoco.mjtEq
-        states, equal = [self.data.qpos.copy()], {}
+        states, equal = [], {}
+        self.free: list[int] = []
         if {int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)} & {int(kind) for kind in model.eq_type}:
-            return states + self._driven()
+            return self._driven()
         for number in range(model.neq):
             if model.eq_type[number] == kinds.mjEQ_JOINT and model.eq_obj2id[number] >= 0:
                 equal[int(model.eq_obj1id[number])] = (int(model.eq_obj2id[number]), model.eq_data[number, :5])
@@ -257,7 +255,7 @@ class GripperModel:
         _arrays.must(0 < len(free) <= JOINTS_MAX, rule)
         if beside := [model.joint(joint).name for joint in free if joint not in moving]:
             self.notes.append(f"no finger moves with joint {', '.join(beside)}, which stays as the description has it")
-        free = [joint for joint in sorted(moving) if joint not in equal]
+        self.free = free = [joint for joint in sorted(moving) if joint not in equal]
         for joint in free:
             _arrays.must(model.jnt_limited[joint], f"joint {model.joint(joint).name} moves a finger, and so must have limits: {self.path}")
         for ends in itertools.product((0, 1), repeat=len(free)):
@@ -272,22 +270,31 @@ class GripperModel:
 
     def _driven(self) -> list[Floats]:
         # The joints of a linkage that closes on itself: where its actuators bring it, without gravity or contacts.
-        model, states = self.model, []
+        model, states, data = self.model, [], self.mujoco.MjData(self.model)
         model.opt.gravity[:] = 0.0
         model.opt.disableflags |= int(self.mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        for end in (0, 1):
-            data = self.mujoco.MjData(model)
-            limited = model.actuator_ctrllimited.astype(bool)
-            data.ctrl[limited] = model.actuator_ctrlrange[limited, end]
-            for _ in range(int(DRIVEN_S / model.opt.timestep)):
+        limited = model.actuator_ctrllimited.astype(bool)
+        for share in np.linspace(0, 1, DRIVEN_STATES):
+            data.ctrl[limited] = model.actuator_ctrlrange[limited] @ [1 - share, share]
+            for _ in range(int((DRIVEN_S if share in (0, 1) else DRIVEN_S / 6) / model.opt.timestep)):
                 self.mujoco.mj_step(model, data)
             states.append(data.qpos.copy())
         return states
 
-    def shapes(self, state: Floats) -> list[Floats]:
+    def _palm(self, state: Floats) -> tuple[Floats, Floats]:
         self.data.qpos[:] = state
         self.mujoco.mj_kinematics(self.model, self.data)
-        return [triangles_of(self.model, self.data, geom) for geom in self.geoms]
+        return self.data.xmat[self.palm].reshape(3, 3), self.data.xpos[self.palm]
+
+    def shapes(self, state: Floats) -> list[Floats]:
+        # In the frame of the palm.
+        turn, at = self._palm(state)
+        return [(triangles_of(self.model, self.data, geom) - at) @ turn for geom in self.geoms]
+
+    def pose(self, state: Floats, body: int) -> Floats:
+        (turn, at), pose = self._palm(state), np.eye(4)
+        pose[:3, :3], pose[:3, 3] = turn.T @ self.data.xmat[body].reshape(3, 3), (self.data.xpos[body] - at) @ turn
+        return pose
 
 
 def surface_of(model: Any, geoms: Iterable[int]) -> Floats:

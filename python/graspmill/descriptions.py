@@ -7,14 +7,16 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _arrays, _native
 from ._robots import Floats, GripperModel
@@ -33,6 +35,18 @@ BETWEEN_M = 0.0005
 STEP_M = 0.0005
 #: What begins where the fingers end is behind them.
 ROUNDING_M = 1e-6
+#: A finger that turns by more than this has boxes of its own. Its tip is where it comes first to the other one, closed; of what
+#: comes there together what is nearest to its end, by this slope. Open, it may be so far behind the other one.
+TURN_RAD, SLOPE, BEHIND_M = 0.05, 0.02, 0.010
+#: Tips that move more than this beside a straight way along y have ways of their own, and those that leave a line by more go
+#: along arcs.
+BESIDE_M, BOW_M = 0.002, 0.001
+#: A jaw is cut into slices along z, which become so few boxes; those that together are no larger than by this share become one.
+SLICE_M, JAW_BOXES, JOINED = 0.002, 6, 0.01
+#: Places of the joints that are looked at.
+SHARES = 129
+#: The thinnest box that a file may have.
+THIN_M = 0.0005
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +57,10 @@ class GripperBoxes:
     Attributes:
         opening_m_min: Distance of the inner faces with the joints at their other limit.
         flange_from_grasp: ``[4, 4]``, the grasp frame in the frame of the link ``flange``; ``None`` if it is not known.
-        triangles: The shapes in the boxes, ``[N, 3, 3]`` in the grasp frame.
+        triangles: The shapes in the boxes, ``[N, 3, 3]`` in the grasp frame; those of a jaw that turns as its boxes are given.
+        jaws: The jaws as a file has them, but ``boxes`` by their corners, ``[N, 2, 3]``, where one stands still or turns, or the tips
+            move along z; otherwise none.
+        joint: What the joint of such jaws is at when they are open and closed, if there is but one.
         notes: What was mended or left out, and what the boxes do not have.
     """
 
@@ -58,30 +75,58 @@ class GripperBoxes:
     palm_breadth_m: float
     flange_from_grasp: Floats | None
     triangles: Floats
+    jaws: tuple[dict[str, Any], ...]
+    joint: tuple[float, float] | None
     notes: tuple[str, ...]
 
     def gripper(self, name: str, **others: Any) -> Gripper:
         """The gripper, with what a description does not tell: ``finger_mass_kg``, ``finger_force_n``, ``closing_speed_m_s`` and,
         unless they are its defaults, ``friction`` and ``clearance_m`` of :class:`Gripper`."""
+        _arrays.must(not self.jaws, "a Gripper must have jaws that slide alike: write a file (--out) of these, and give its path")
         lengths: dict[str, Any] = {key: getattr(self, key) for key in LENGTHS[:7]}
         return Gripper(name=name, flange_from_grasp=self.flange_from_grasp, **lengths, **others)
 
+    def file(self, name: str, **others: Any) -> str:
+        """The gripper's file, with what :meth:`gripper` takes."""
+        rows = [f"# Boxes around the collision geometry of {self.path.name}. Compare them with the real gripper."]
+        rows += lines(replace(self, jaws=()).gripper(name, **others), 6)
+        if self.joint:
+            rows.append("joint = {{ open = {:.5f}, closed = {:.5f} }}".format(*self.joint))
+        rows += ["jaws = [", *(f"    {_toml(jaw)}," for jaw in self.jaws), "]"] if self.jaws else []
+        return "\n".join([*rows, ""])
+
+    def boxes(self) -> Floats:
+        """All boxes by their corners, ``[N, 2, 3]`` in the grasp frame; those of a jaw that turns as they are given."""
+        length, half, width, thickness = self.finger_length_m, self.opening_m_max / 2, self.finger_width_m, self.finger_thickness_m
+        palm = [[sign * self.palm_width_m / 2, sign * self.palm_breadth_m / 2, -length] for sign in (-1, 1)]
+        palm[0][2] -= self.palm_length_m
+        fingers = [[[-width / 2, y, -length], [width / 2, y + thickness, 0.0]] for y in (-half - thickness, half)]
+        own = [jaw["boxes"] for jaw in self.jaws if "boxes" in jaw] or [np.array(fingers)]
+        return np.concatenate([*own, [palm]])
+
     def picture(self) -> str:
         """An SVG of the shapes and the boxes, in millimetres: seen along x and along y, with z down."""
-        length, thickness, width, half = self.finger_length_m, self.finger_thickness_m, self.finger_width_m, self.opening_m_max / 2
-        top, palms = -length - self.palm_length_m, {1: self.palm_breadth_m, 0: self.palm_width_m}
-        boxes = [(1, at, -length, thickness, length) for at in (half, -half - thickness)] + [(0, -width / 2, -length, width, length)]
-        boxes += [(axis, -palm / 2, top, palm, self.palm_length_m) for axis, palm in palms.items()]
-        drawn, right = "<style>polygon{fill:#999;stroke:#999;stroke-width:.5}rect{fill:none;stroke:#c00;stroke-width:.5}</style>", 0.0
-        for axis, palm in palms.items():
-            drawn += f'<g transform="translate({right + 500 * palm + 10:.1f})">'
+        boxes, right = 1e3 * self.boxes(), 0.0
+        drawn = "<style>polygon{fill:#999;stroke:#999;stroke-width:.5}rect{fill:none;stroke:#c00;stroke-width:.5}</style>"
+        for axis in (1, 0):
+            drawn += f'<g transform="translate({right - boxes[..., axis].min() + 10:.1f})">'
             for shape in np.unique((1e3 * self.triangles[..., [axis, 2]]).round().astype(int), axis=0):
                 drawn += f'<polygon points="{" ".join(map(str, shape.ravel()))}"/>'
-            for box in (np.multiply(1e3, box) for seen, *box in boxes if seen == axis):
-                drawn += '<rect x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>'.format(*box)
-            drawn, right = drawn + "</g>", right + 1e3 * palm + 20
-        frame = f'viewBox="0 {1e3 * top - 10:.1f} {right:.1f} {20 - 1e3 * top:.1f}" width="{4 * right:.0f}"'
+            for low, high in boxes[..., [axis, 2]]:
+                drawn += '<rect x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>'.format(*low, *(high - low))
+            drawn, right = drawn + "</g>", right + np.ptp(boxes[..., axis]) + 20
+        frame = f'viewBox="0 {boxes[..., 2].min() - 10:.1f} {right:.1f} {np.ptp(boxes[..., 2]) + 20:.1f}" width="{4 * right:.0f}"'
         return f'<svg xmlns="http://www.w3.org/2000/svg" {frame}>{drawn}</svg>\n'
+
+
+def _toml(jaw: dict[str, Any]) -> str:
+    def shown(key: str, value: Any) -> str:
+        if key == "boxes":
+            rows = [{"centre_m": box.mean(axis=0), "size_m": np.maximum(box[1] - box[0], THIN_M)} for box in value]
+            return f"[\n{''.join(f'        {_toml(row)},{chr(10)}' for row in rows)}    ]"
+        return json.dumps(value if isinstance(value, bool) else (np.round(value, 5) + 0.0).tolist())
+
+    return f"{{ {', '.join(f'{key} = {shown(key, value)}' for key, value in jaw.items())} }}"
 
 
 def _cut(triangles: Floats, z: float) -> Floats:
@@ -98,9 +143,9 @@ def _near(cut: Floats) -> float:
     return float(np.maximum(np.nanmin(cut[..., 1], axis=1), -np.nanmax(cut[..., 1], axis=1)).min(initial=np.inf))
 
 
-def _along(axes: Floats, direction: Floats) -> Floats:
-    nearest = int(np.abs(axes.T @ direction).argmax())
-    return np.asarray(axes[:, nearest] * np.sign(axes[:, nearest] @ direction))
+def _along(direction: Floats) -> Floats:
+    nearest = int(np.abs(direction).argmax())
+    return np.asarray(np.eye(3)[nearest] * np.sign(direction[nearest]))
 
 
 def _middle(triangles: Floats) -> Floats:
@@ -108,36 +153,123 @@ def _middle(triangles: Floats) -> Floats:
     return np.asarray((points.max(axis=0) + points.min(axis=0)) / 2)
 
 
-def _frame(gripper: GripperModel, shapes: list[Floats]) -> tuple[Floats, Floats]:
-    # The grasp frame in the world: a rotation, whose columns are its axes, and the origin between the tips.
-    axes = gripper.data.xmat[gripper.palm].reshape(3, 3)
-    sides = [np.concatenate([shape for shape, of in zip(shapes, gripper.sides) if of == side]) for side in (0, 1)]
-    still = [shape for shape, geom in zip(shapes, gripper.geoms) if not gripper.moves(gripper.model.geom_bodyid[geom])]
-    palm = _middle(np.concatenate(still)) if still else gripper.data.xpos[gripper.root]
-    y = _along(axes, _middle(sides[1]) - _middle(sides[0]))
-    towards = (_middle(sides[0]) + _middle(sides[1])) / 2 - palm
-    z = _along(axes, towards - y * (y @ towards))
-    x = np.cross(y, z)
-    turn = np.stack([x, y, z], axis=1)
-    local = [side.reshape(-1, 3) @ turn for side in sides]
-    both = np.concatenate(local)
-    tip = min(side[:, 2].max() for side in local)
-    near = [side[side[:, 2] > tip - PAD_M] for side in local]
-    first, second = sorted(near, key=lambda side: float(side[:, 1].mean()))
-    origin = np.array([(both[:, 0].max() + both[:, 0].min()) / 2, (first[:, 1].max() + second[:, 1].min()) / 2, both[:, 2].max()])
-    return turn, turn @ origin
+def _vector(turn: Floats) -> Floats:
+    # A rotation as its axis times its angle.
+    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    sine = float(np.linalg.norm(axis))
+    return np.asarray(axis * (np.arctan2(sine, np.trace(turn) - 1) / max(sine, 1e-12)))
 
 
-def _opening(gripper: GripperModel, shapes: list[Floats]) -> tuple[float, float]:
-    # The distance of the jaws, and where their tips are along z, from the palm.
-    turn, origin = _frame(gripper, shapes)
-    inner = []
-    for side in (0, 1):
-        y = _cut(np.concatenate([(shape - origin) @ turn for shape, of in zip(shapes, gripper.sides) if of == side]), -PAD_M)[..., 1]
-        if not len(y):  # one finger is far behind the other
-            return -np.inf, 0.0
-        inner.append(float(np.nanmin(y * np.sign(np.nanmean(y)))))
-    return 2 * min(inner), float(turn[:, 2] @ (origin - gripper.data.xpos[gripper.palm]))
+def _turned(vector: Floats, points: Floats) -> Floats:
+    half = np.linalg.norm(vector) / 2
+    pose = [0, 0, 0, *(vector * np.sinc(half / np.pi) / 2), np.cos(half)]
+    return np.asarray(points @ _arrays.matrices([pose])[0, :3, :3].T)
+
+
+def _most(lengths: Floats, some: NDArray[np.intp]) -> NDArray[np.intp]:
+    return np.asarray(some[lengths[some] > lengths[some].max() - PAD_M])
+
+
+class _Hand:
+    # The parts of a gripper while its joints go from where it is closed (0) to where its tips are furthest apart (1), in the
+    # grasp frame: z, the approach, is from the palm to the tips, and y the way of the second finger against the first.
+    def __init__(self, gripper: GripperModel) -> None:
+        self.gripper, self.turn, self.origin, states = gripper, np.eye(3), np.zeros(3), gripper.corners()
+        self.states = np.array(states)
+        ends = [gripper.shapes(state) for state in states]
+        still = [shape for shape, geom in zip(ends[0], gripper.geoms) if not gripper.moves(gripper.model.geom_bodyid[geom])]
+        palm = _middle(np.concatenate(still)) if still else np.zeros(3)
+        # Points of what stands still, and of each jaw what moves furthest, and of that what is furthest from the palm.
+        near = np.concatenate([part for shape in still for part in (*shape.swapaxes(0, 1), shape.mean(axis=1))] or [palm[None]])
+        first, last = ({side: self.of(ends[end], side).reshape(-1, 3) for side in gripper.moving} for end in (0, -1))
+        far = {side: _most(np.linalg.norm(last[side] - first[side], axis=1), np.arange(len(first[side]))) for side in first}
+        far = {side: _most(np.linalg.norm(first[side] - palm, axis=1), some) for side, some in far.items()}
+
+        def tips(shapes: list[Floats]) -> list[Floats]:
+            return [_middle(self.of(shapes, side).reshape(-1, 3)[far[side]]) for side in gripper.moving]
+
+        apart = [float(np.linalg.norm((other or near) - one, axis=1).min()) for one, *other in map(tips, ends)]
+        closed, opened = int(np.argmin(apart)), int(np.argmax(apart))
+        self.states = self.states[[closed, opened]] if gripper.free else self.states[:: 1 if closed < opened else -1]
+        before, after = (np.array(tips(gripper.shapes(self.at(share)))) for share in (0.0, 0.05))
+        y = _along(np.sum([(2 * side - 1) * way for side, way in zip(gripper.moving, after - before)], axis=0))
+        towards = _middle(before) - palm
+        z = _along(towards - y * (y @ towards))
+        self.turn = np.stack([np.cross(y, z), y, z], axis=1)
+        turns = (np.linalg.norm(_vector(self.moved(side, 1.0, 0.0)[:3, :3])) for side in gripper.moving)
+        self.is_turning = len(gripper.moving) == 1 or max(turns) > TURN_RAD
+        self.fixed = next((side for side in (0, 1) if side not in gripper.moving), None)
+        # Of each jaw what comes first to the other one, closed: near its tip, and the nearer that the better.
+        sides = [self.side(self.shapes(0.0), side) for side in (0, 1)]
+        cuts = [_cut(side, float(side[..., 2].max()) - PAD_M).reshape(-1, 3) for side in sides]
+        self.tips = [cut[np.nanargmax((1 - 2 * side) * cut[:, 1] + SLOPE * cut[:, 2])] for side, cut in enumerate(cuts)]
+        across = np.concatenate(cuts)[:, 0]
+        self.middle = (np.nanmax(across) + np.nanmin(across)) / 2
+
+    def of(self, shapes: list[Floats], *sides: int | None) -> Floats:
+        return np.concatenate([shape for shape, side in zip(shapes, self.gripper.sides) if side in sides] or [np.empty((0, 3, 3))])
+
+    def at(self, share: float) -> Floats:
+        rows = np.linspace(0, 1, len(self.states))
+        return np.array([np.interp(share, rows, column) for column in self.states.T])
+
+    def shapes(self, share: float) -> list[Floats]:
+        return [(shape - self.origin) @ self.turn for shape in self.gripper.shapes(self.at(share))]
+
+    def side(self, shapes: list[Floats], side: int) -> Floats:
+        return self.of(shapes, *((side,) if side in self.gripper.moving else (side, None)))
+
+    @property
+    def frame(self) -> Floats:
+        return np.block([[self.turn, self.origin[:, None]], [np.zeros(3), 1.0]])
+
+    def moved(self, side: int, start: float, end: float) -> Floats:
+        # How a finger moves between two places, in the grasp frame.
+        before, after = (self.gripper.pose(self.at(share), self.gripper.fingers[side]) for share in (start, end))
+        return np.asarray(np.linalg.inv(self.frame) @ after @ np.linalg.inv(before) @ self.frame)
+
+    def opening(self, share: float) -> tuple[float, Floats]:
+        # The distance of the tips, and the middle between them.
+        moves = [self.moved(side, 0.0, share) if side in self.gripper.moving else np.eye(4) for side in (0, 1)]
+        low, high = (move[:3, :3] @ tip + move[:3, 3] for move, tip in zip(moves, self.tips))
+        middle = np.array([self.middle, (low[1] + high[1]) / 2, min(low[2], high[2])])
+        return float(high[1] - low[1]) if abs(high[2] - low[2]) <= BEHIND_M else -np.inf, middle
+
+    def widest(self) -> tuple[float, float, float]:
+        # Where the jaws are furthest apart, how far, and how far at least. The origin goes there.
+        found = {float(share): self.opening(share) for share in np.linspace(0, 1, SHARES)}
+        best = max(found, key=lambda share: (round(found[share][0], 6), share))
+        opening, origin = found[best]
+        if not self.is_turning:
+            both = self.of(self.shapes(best), 0, 1)
+            origin[[0, 2]] = (both[..., 0].max() + both[..., 0].min()) / 2, both[..., 2].max()
+        self.origin = self.turn @ origin
+        return best, opening, min((one for one, _ in found.values() if np.isfinite(one)), default=0.0)
+
+
+def _way(turns: bool, tip: Floats, half: Floats, whole: Floats) -> dict[str, Any]:
+    # A jaw's way, from how it is moved after half of it and after all.
+    middle, end = (move[:3, :3] @ tip + move[:3, 3] - tip for move in (half, whole))
+    if turns:
+        pivot = np.linalg.lstsq(np.eye(3) - whole[:3, :3], whole[:3, 3], rcond=1e-6)[0]
+        return {"turn_rad": _vector(whole[:3, :3]), "pivot_m": pivot}
+    line = end / max(float(np.linalg.norm(end)), 1e-12)
+    across = middle - line * (middle @ line)
+    if (bow := float(np.linalg.norm(across))) < BOW_M:
+        return {"slide_m": end}
+    # The circle through the three: its centre is on the middle line of two of them.
+    along = middle @ line
+    up = (along * (along - np.linalg.norm(end)) + bow**2) / (2 * bow)
+    centre = end / 2 + across / bow * up
+    angle = 2 * np.arctan2(np.linalg.norm(end) / 2, -up)
+    return {"turn_rad": np.cross(across / bow, line) * angle, "pivot_m": tip + centre, "keeps_parallel": True}
+
+
+def _reach(way: dict[str, Any], tip: Floats, share: float) -> Floats:
+    # How far a tip has come.
+    if "turn_rad" not in way:
+        return np.asarray(share * way.get("slide_m", np.zeros(3)))
+    return np.asarray(_turned(share * way["turn_rad"], tip - way["pivot_m"]) + way["pivot_m"] - tip)
 
 
 def from_description(
@@ -157,41 +289,131 @@ def from_description(
     count = 1 if isinstance(fingers, str) else len(fingers)
     _arrays.must(count == 2, f"fingers must be two links, got {count}: graspmill has parallel jaws only")
     gripper = GripperModel(Path(_arrays.path("path", path)), (fingers[0], fingers[1]), flange, without)
-    states = gripper.states()
-    found = [_opening(gripper, gripper.shapes(state)) for state in states]
-    opening, depth = best = max(found, key=lambda one: one[0])
+    hand = _Hand(gripper)
+    best, opening, least = hand.widest()
     rule = f"the jaws {fingers[0]} and {fingers[1]} must open, and are {1e3 * opening:.1f} mm apart at best"
     _arrays.must(opening >= 0.001, f"{rule}: {gripper.path}")
-    shapes = gripper.shapes(states[found.index(best)])
-    turn, origin = _frame(gripper, shapes)
-    local = [(shape - origin) @ turn for shape in shapes]
-    _must_be_free(gripper, local, opening)
+    local = hand.shapes(best)
+    _must_be_free(hand, local, opening)
+    tips = np.array([[0.0, side * opening / 2, 0.0] for side in (-1, 1)])
+    ways, share = _ways(hand, best, tips)
     everything = np.concatenate(local)
-    length = _finger_length(everything, opening)
-    (width, thickness), palm = _boxes(everything, opening, length)
+    if hand.is_turning:
+        length, (width, thickness), palm, everything = _of_jaws(hand, local, opening, ways)
+    else:
+        length = _finger_length(everything, opening)
+        (width, thickness), palm = _boxes(everything, opening, length)
+    joint = None
+    if ways and len(gripper.free) == 1:
+        opened, closed = (float(hand.at(at)[gripper.model.jnt_qposadr[gripper.free[0]]]) for at in (best, 0.0))
+        joint = (opened, opened + share * (closed - opened))
+    if ways and best < 1:
+        where = f" where joint {gripper.model.joint(gripper.free[0]).name} is at {joint[0]:.3f}" if joint else ""
+        gripper.notes.append(f"the widest opening is taken{where}: beyond, tips come nearer, or one is {1e3 * BEHIND_M:.0f} mm behind")
+    if ways and least > BESIDE_M:
+        gripper.notes.append(f"within their limits the jaws come no nearer than {1e3 * least:.1f} mm; in the file they close")
     sizes = dict(zip(LENGTHS, (opening, length, width, thickness, *palm)))
     # Outwards to tenths of a millimetre.
     outwards: dict[str, Any] = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
-    least = min(one for one in found if np.isfinite(one[0]))
-    if abs(moved := least[1] - depth) > 0.001:
-        way = f"{1e3 * abs(moved):.0f} mm {'forwards' if moved > 0 else 'back'}"
-        gripper.notes.append(f"as the jaws close, their tips move {way} along z: no key has that; z = 0 is at the open tips")
-    share = (2 * length * width * thickness + np.prod(palm)) / (8 * gripper.model.geom_aabb[gripper.geoms, 3:].prod(axis=1).sum())
-    if share > 2:
-        gripper.notes.append(f"the boxes are {share:.1f} times as large as boxes around each shape: look at them (--picture)")
-    rest: dict[str, Any] = {"opening_m_min": max(0.0, least[0]), "flange_from_grasp": _flange(gripper, turn, origin)}
-    return GripperBoxes(path=gripper.path, **outwards, **rest, triangles=everything, notes=tuple(gripper.notes))
+    rest: dict[str, Any] = {"opening_m_min": max(0.0, least), "flange_from_grasp": _flange(hand, best)}
+    boxes = GripperBoxes(path=gripper.path, **outwards, **rest, triangles=everything, jaws=tuple(ways), joint=joint, notes=())
+    volume = _volume(boxes.boxes()) / (8 * gripper.model.geom_aabb[gripper.geoms, 3:].prod(axis=1).sum())
+    if volume > 2:
+        gripper.notes.append(f"the boxes are {volume:.1f} times as large as boxes around each shape: look at them (--picture)")
+    return replace(boxes, notes=tuple(gripper.notes))
 
 
-def _must_be_free(gripper: GripperModel, local: list[Floats], opening: float) -> None:
+def _ways(hand: _Hand, best: float, tips: Floats) -> tuple[list[dict[str, Any]], float]:
+    # The jaws' ways until their tips meet, none if that is straight along y, and what share that is of their ways to where the
+    # joints close them.
+    ways: list[dict[str, Any]] = [{}, {}]
+    shares = np.linspace(0, 3, 301)
+    for side in hand.gripper.moving:
+        tip, half, whole = tips[side], hand.moved(side, best, best / 2), hand.moved(side, best, 0.0)
+        ways[side] = _way(bool(np.linalg.norm(_vector(whole[:3, :3])) > TURN_RAD), tip, half, whole)
+        passed = half[:3, :3] @ tip + half[:3, 3] - tip
+        off = min(float(np.linalg.norm(_reach(ways[side], tip, share) - passed)) for share in shares[:101])
+        if off > BESIDE_M:
+            name = hand.gripper.name(hand.gripper.fingers[side])
+            hand.gripper.notes.append(f"on its way {name} is up to {1e3 * off:.0f} mm beside where it is; open and closed it is right")
+    beside = max(float(np.abs(_reach(way, tip, 1.0)[[0, 2]]).max()) for way, tip in zip(ways, tips))
+    if not hand.is_turning and beside <= BESIDE_M:
+        return [], 1.0
+    left = np.array([np.diff([(_reach(way, tip, share) + tip)[1] for way, tip in zip(ways, tips)])[0] for share in shares])
+    at = int(np.argmax(left <= 0))
+    _arrays.must(at, f"the jaws must close, and come no nearer than {1e3 * left[100]:.1f} mm on their ways: {hand.gripper.path}")
+    share = float(np.interp(0, left[[at, at - 1]], shares[[at, at - 1]]))
+    for way in ways:
+        way |= {key: share * way[key] for key in ("slide_m", "turn_rad") if key in way}
+    return ways, share
+
+
+def _room(rest: Floats, fixed: int | None, opening: float) -> float:
+    # How far forwards what is no jaw reaches; of what carries a fixed one, where it is not behind that.
+    sign, level = 1 if fixed == 0 else -1, -np.inf if fixed is None else -opening / 4
+    return float(np.nanmax(_cut(rest[..., [0, 2, 1]] * [1, 1, sign], level)[..., 1], initial=-np.inf))
+
+
+def _of_jaws(
+    hand: _Hand, local: list[Floats], opening: float, ways: list[dict[str, Any]]
+) -> tuple[float, tuple[float, float], tuple[float, float, float], Floats]:
+    # Adds the boxes of jaws to their ways. Length, width and thickness of the fingers, the palm, and what is in the boxes.
+    fixed, rest = hand.fixed, hand.of(local, hand.fixed, None)
+    length = float(np.floor(1e4 * min(-_room(rest, fixed, opening), -rest[..., 2].min(initial=0.0) - 0.001)) / 1e4)
+    _arrays.must(length >= PAD_M, f"fingers must be longer than {1e3 * PAD_M:.0f} mm, and nothing is behind them: {hand.gripper.path}")
+    shown, ends = [rest], []
+    for side, way in enumerate(ways):
+        own = hand.side(local, side)
+        least, least_volume = np.empty((0, 2, 3)), np.inf
+        for at in np.linspace(0, 1, 9) if "turn_rad" in way else [0.0]:
+            moved = _turned(at * way["turn_rad"], own - way["pivot_m"]) + way["pivot_m"] if at else own
+            boxes = _sliced(moved, ROUNDING_M - length if side == fixed else -np.inf)
+            if (volume := _volume(boxes)) < least_volume:
+                least, least_volume, posed, way["boxes_at"] = boxes, volume, moved, float(at)
+        shown += [] if side == fixed else [posed]
+        way["boxes"] = least
+        ends.append(np.ptp(least[least[:, 1, 2].argmax()], axis=0)[:2])
+    back = np.nanmax(np.abs(_cut(rest * [1, 1, -1], length)), axis=(0, 1))
+    width, thickness = np.max(ends, axis=0)
+    return length, (width, thickness), (back[2] - length, 2 * back[0], 2 * back[1]), np.concatenate(shown)
+
+
+def _volume(boxes: Floats) -> float:
+    return float((boxes[..., 1, :] - boxes[..., 0, :]).prod(axis=-1).sum())
+
+
+def _sliced(triangles: Floats, start: float) -> Floats:
+    # A few boxes, [N, 2, 3], that together hold what is beyond a height: slices, of which those are joined that cost least.
+    low, high = max(start, float(triangles[..., 2].min())), float(triangles[..., 2].max())
+    edges = np.linspace(low, high, max(2, int((high - low) / SLICE_M) + 1))
+    cuts, boxes = [_cut(triangles, z) for z in edges], []
+    for at, top in enumerate(edges[1:]):
+        points = np.concatenate([cuts[at].reshape(-1, 3), cuts[at + 1][:, 3:].reshape(-1, 3)])
+        if len(points := points[points[:, 2] <= top + ROUNDING_M]):
+            boxes.append(np.array([points.min(axis=0), points.max(axis=0)]))
+    while len(boxes) > 1:
+        joined = [np.array([np.minimum(one[0], two[0]), np.maximum(one[1], two[1])]) for one, two in zip(boxes, boxes[1:])]
+        more = [_volume(both) - _volume(one) - _volume(two) for both, one, two in zip(joined, boxes, boxes[1:])]
+        at = int(np.argmin(more))
+        if len(boxes) <= JAW_BOXES and more[at] > JOINED * _volume(np.array(boxes)):
+            break
+        boxes[at : at + 2] = [joined[at]]
+    return np.array(boxes)
+
+
+def _must_be_free(hand: _Hand, local: list[Floats], opening: float) -> None:
     # Refuses what has no box: more fingers, and what reaches between the tips or beyond them.
+    gripper = hand.gripper
     own = {body for finger in gripper.fingers for body in gripper.way(finger)}
     for geom, side, shape in zip(gripper.geoms, gripper.sides, local):
         body, near, reach = int(gripper.model.geom_bodyid[geom]), _near(_cut(shape, -PAD_M)), float(shape[..., 2].max())
         name = gripper.name(body)
         if side is None and reach > -PAD_M and body not in own and gripper.moves(body):
             raise InputError(f"a gripper must have two fingers, and {name} moves beside their tips, too: {gripper.path}")
-        if near < opening / 2 - BETWEEN_M or (side is None and reach > BETWEEN_M):
+        is_between = near < opening / 2 - BETWEEN_M or (side is None and reach > BETWEEN_M)
+        if hand.is_turning:
+            is_between = side not in gripper.moving and (reach := _room(shape, hand.fixed, opening)) > -PAD_M
+        if is_between:
             where = f"{name} reaches {f'{1e3 * reach:.0f} mm beyond' if reach > 0 else f'to {-1e3 * reach:.0f} mm behind'} the tips"
             rule = f"the jaws must be free of other parts over {1e3 * PAD_M:.0f} mm from the tips, and {where}: {gripper.path}"
             raise InputError(f"{rule}. If its shapes are coarse ones around those of others, leave it out: --without {name}")
@@ -216,15 +438,11 @@ def _finger_length(everything: Floats, opening: float) -> float:
     return best[1]
 
 
-def _flange(gripper: GripperModel, turn: Floats, origin: Floats) -> Floats | None:
-    world_from_grasp = np.eye(4)
-    world_from_grasp[:3, :3], world_from_grasp[:3, 3] = turn, origin
-    world_from_flange = np.eye(4)
-    if gripper.flange is not None:
-        world_from_flange[:3, :3], world_from_flange[:3, 3] = gripper.data.xmat[gripper.flange].reshape(3, 3), gripper.data.xpos[gripper.flange]
-    elif any(gripper.model.body_jntnum[body] for body in gripper.way(gripper.root)):
+def _flange(hand: _Hand, best: float) -> Floats | None:
+    body = hand.gripper.flange
+    if body is None and any(hand.gripper.model.body_jntnum[one] for one in hand.gripper.way(hand.gripper.root)):
         return None
-    return np.linalg.inv(world_from_flange) @ world_from_grasp
+    return np.asarray(np.linalg.inv(hand.gripper.pose(hand.at(best), body or 0)) @ hand.frame)
 
 
 def _said(boxes: GripperBoxes) -> str:
@@ -261,10 +479,8 @@ def main(words: Sequence[str] | None = None) -> int:
         if given.out:
             if None in (given.mass, given.force, given.speed):
                 raise InputError("--out needs --mass, --force and --speed, which no description tells")
-            name = Path(given.out).stem
-            gripper = boxes.gripper(name, finger_mass_kg=given.mass, finger_force_n=given.force, closing_speed_m_s=given.speed)
-            head = f"# Boxes around the collision geometry of {boxes.path.name}. Compare them with the real gripper."
-            _native.publish(given.out, "\n".join([head, *lines(gripper, 6), ""]))
+            others = {"finger_mass_kg": given.mass, "finger_force_n": given.force, "closing_speed_m_s": given.speed}
+            _native.publish(given.out, boxes.file(Path(given.out).stem, **others))
     except GraspmillError as error:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code

@@ -139,14 +139,14 @@ THIRD = f"""<link name="thumb">{shape(JAW, (0.03, 0, 0.02))}</link><joint name="
     ({}, ("left", "thumb"), "no link is called 'thumb'; there are base, left, right"),
     ({}, ("left",), "fingers must be two links, got 1"),
     ({}, ("left", "right", "base"), "fingers must be two links, got 3"),
-    ({}, ("left", "base"), "and write a gripper file with `jaws`"),
+    ({}, ("left", "left"), "no joint moves left or left against the palm left"),
     ({"kind": "continuous", "mimic": ""}, FINGERS, "joint follow moves a finger, and so must have limits"),
     ({"more": COARSE}, FINGERS, "and hull reaches 20 mm beyond the tips"),
     ({"more": COARSE.replace("0.08", "0.05")}, FINGERS, "and hull reaches to 10 mm behind the tips"),
     ({"more": TIP}, ("tip", "right"), "it is carried by left, base, world"),
     ({"jaw": shape(("${width}", 1, 1), (0, 0, 0))}, FINGERS, "must be expanded by xacro before: xacro gripper.urdf > expanded.urdf"),
     ({"more": THIRD}, FINGERS, "a gripper must have two fingers, and thumb moves beside their tips"),
-    ({"kind": "fixed", "mimic": ""}, FINGERS, "no joint moves right"),
+    ({"kind": "fixed", "mimic": ""}, ("right", "base"), "no joint moves right or base"),
     ({"mimic": '<mimic joint="nothing"/>'}, FINGERS, "joint follow mimics nothing"),
     ({"jaw": mesh("jaw.stl", (0, 0, 0))}, FINGERS, "the mesh of link left cannot be read"),
     ({"jaw": mesh("jaw.ply", (0, 0, 0))}, FINGERS, "must be STL, OBJ, MSH or DAE"),
@@ -186,9 +186,78 @@ def test_what_boxes_do_not_have_is_said(tmp_path):
     path = urdf(tmp_path, more=POST)
     for axis, slanted in (("0 1 0", "0 1 -0.2"), ("0 1 0\"", "0 1 0.2\"")):
         path.write_text(path.read_text().replace(axis, slanted, 1))
-    come, large = from_description(path, FINGERS).notes
-    assert come.startswith("as the jaws close, their tips move 6 mm forwards along z") and large.startswith("the boxes are")
-    assert from_description(path, FINGERS, without=["post"]).notes == (come,)
+    boxes = from_description(path, FINGERS)
+    assert [note.startswith("the boxes are") for note in boxes.notes] == [True] and boxes.joint == pytest.approx((0.03, -0.001), abs=1e-4)
+    assert np.allclose([jaw["slide_m"] for jaw in boxes.jaws], [[0, 0.0304, 0.0061], [0, -0.0304, 0.0061]], atol=2e-4)
+    refused("must have jaws that slide alike", lambda: boxes.gripper("mine", finger_mass_kg=0.05, finger_force_n=20.0, closing_speed_m_s=0.1))
+    assert from_description(path, FINGERS, without=["post"]).notes == ()
+
+
+#: A palm that carries a plate of 8 mm, 20 mm beside the axis of a lever of 60 mm, whose other side is 4 mm from its axis.
+ONE_JAW = f"""<robot name="one"><link name="palm">{shape((0.06, 0.08, 0.06), (0, 0, 0.03))}{shape((0.025, 0.008, 0.07), (0, -0.024, 0.095))}</link>
+<link name="jaw">{shape((0.025, 0.008, 0.07), (0, 0, 0.035))}</link><joint name="j" type="revolute"><parent link="palm"/><child link="jaw"/>
+<origin xyz="0 0 0.06"/><axis xyz="-1 0 0"/><limit lower="-0.3" upper="1.6" effort="5" velocity="3"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("fingers", [("palm", "jaw"), ("jaw", "palm")])
+def test_a_jaw_that_turns_beside_a_fixed_one_has_its_axis_and_boxes(tmp_path, fingers):
+    path = tmp_path / "one.urdf"
+    path.write_text(ONE_JAW)
+    boxes = from_description(path, fingers)
+    side = fingers.index("jaw")
+    fixed, turns = boxes.jaws[1 - side], boxes.jaws[side]
+    opened, closed = boxes.joint
+    corner = 70 * np.array([np.sin(opened), np.cos(opened)]) + 4 * np.array([-np.cos(opened), np.sin(opened)])
+    # The widest opening is where the tip is 10 mm behind the plate's, and the lever's corner meets it at the end.
+    assert 59 < corner[1] < 62 and abs(1e3 * boxes.opening_m_max - (corner[0] + 20)) < 0.2 and opened < 1.6
+    assert np.isclose(70 * np.sin(closed) - 4 * np.cos(closed), -20, atol=0.3)
+    assert np.allclose(turns["turn_rad"], [(opened - closed) * (2 * side - 1), 0, 0], atol=1e-3)
+    middle = (corner[0] - 20) / 2
+    assert np.allclose(1e3 * turns["pivot_m"], [0, -middle * (2 * side - 1), -corner[1]], atol=0.2)
+    assert len(fixed["boxes"]) == 1 and np.allclose(np.ptp(fixed["boxes"][0], axis=0), [0.025, 0.008, 0.07], atol=1e-4)
+    # As it is given the lever is nearly upright, and in its boxes.
+    own = turns["boxes"]
+    every, inside = boxes.boxes(), boxes.triangles.reshape(-1, 1, 3)
+    assert ((inside > every[:, 0] - 1e-5) & (inside < every[:, 1] + 1e-5)).all(axis=2).any(axis=1).all()
+    assert np.ptp(own, axis=(0, 1))[2] > 0.069 and np.ptp(own, axis=1)[:, 1].max() < 0.0095 and "at 0." in boxes.notes[0]
+    made = tmp_path / "one.toml"
+    made.write_text(boxes.file("one", finger_mass_kg=0.05, finger_force_n=5.0, closing_speed_m_s=0.2))
+    read = tomllib.loads(made.read_text())
+    assert read["joint"] == pytest.approx({"open": opened, "closed": closed}, abs=1e-4)
+    # The program reads it, and it holds a thing beside its fixed jaw.
+    box = graspmill.Object.cuboid((0.02, 0.03, 0.05), (0.15, 0.15, 0.075, 0, 0, 0, 1))
+    down = np.diag([1.0, -1.0, -1.0, 1.0])
+    down[:3, 3] = 0.15, 0.15 + (1 - 2 * side) * (0.5 * boxes.opening_m_max - 0.018), 0.075
+    assert graspmill.execute(graspmill.Scene([box]), down[None], gripper=made).held.all()
+
+
+def test_a_jaw_that_slides_to_a_fixed_one_goes_the_whole_way(tmp_path):
+    boxes = from_description(urdf(tmp_path, kind="fixed", mimic=""), FINGERS)
+    assert np.isclose(boxes.opening_m_max, 0.032) and boxes.joint == pytest.approx((0.03, -0.002), abs=1e-4)
+    assert np.allclose(boxes.jaws[0]["slide_m"], [0, 0.032, 0], atol=1e-5) and "slide_m" not in boxes.jaws[1]
+
+
+def test_jaws_that_both_turn_or_travel_on_arcs_have_ways_of_their_own(tmp_path):
+    """Two levers of 100 mm; and the same with tips that a second joint keeps upright."""
+    lever = shape((0.01, 0.008, 0.1), (0, 0, 0.05))
+    for upright in (False, True):
+        parts = [f'<link name="base">{shape((0.04, 0.12, 0.06), (0, 0, 0.03))}</link>']
+        for name, sign in (("right", -1), ("left", 1)):
+            tip = f'{name}_lever' if upright else name
+            parts.append(f'<link name="{tip}">{lever}</link><joint name="{name}_j" type="revolute"><parent link="base"/><child link="{tip}"/>'
+                         f'<origin xyz="0 {0.004 * sign} 0.06"/><axis xyz="{-sign} 0 0"/><limit lower="0" upper="0.4"/>'
+                         + ('<mimic joint="right_j"/>' if sign > 0 else "") + "</joint>")
+            if upright:
+                parts.append(f'<link name="{name}">{shape(JAW, (0, 0, 0.02))}</link><joint name="{name}_u" type="revolute"><parent link="{tip}"/>'
+                             f'<child link="{name}"/><origin xyz="0 0 0.1"/><axis xyz="{sign} 0 0"/><limit lower="0" upper="0.4"/><mimic joint="right_j"/></joint>')
+        path = tmp_path / "two.urdf"
+        path.write_text(f'<robot name="two">{"".join(parts)}</robot>')
+        boxes = from_description(path, ("right", "left"))
+        ways = [[*jaw["turn_rad"], *jaw["pivot_m"]] for jaw in boxes.jaws]
+        assert boxes.joint == pytest.approx((0.4, 0.0), abs=1e-3) and ["keeps_parallel" in jaw for jaw in boxes.jaws] == [upright] * 2
+        opening = 2 * 0.1 * np.sin(0.4) + (0 if upright else 2 * (0.004 - 0.004 * np.cos(0.4)))
+        assert abs(boxes.opening_m_max - opening) < 2e-4
+        assert np.allclose(np.array(ways)[:, :3], [[-0.4, 0, 0], [0.4, 0, 0]], atol=2e-3)
 
 
 def test_a_picture_has_the_shapes_within_the_boxes(tmp_path):
@@ -197,7 +266,7 @@ def test_a_picture_has_the_shapes_within_the_boxes(tmp_path):
         drawn = [[float(part.get(key)) for key in ("x", "y", "width", "height")] for part in group.findall("{*}rect")]
         low, high = np.min(drawn, axis=0)[:2], np.max([np.add(box[:2], box[2:]) for box in drawn], axis=0)
         points = np.array(" ".join(part.get("points") for part in group.findall("{*}polygon")).split(), float).reshape(-1, 2)
-        assert np.allclose([points.min(axis=0), points.max(axis=0)], [low, high], atol=1) and len(drawn) == 2 + axis
+        assert np.allclose([points.min(axis=0), points.max(axis=0)], [low, high], atol=1) and len(drawn) == 3
         assert np.isclose(high[0] - low[0], 1e3 * [boxes.palm_width_m, boxes.palm_breadth_m][axis])
 
 
