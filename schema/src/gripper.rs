@@ -125,7 +125,7 @@ const SHARE_HALVINGS: usize = 24;
 
 impl Gripper {
     /// Names and files of the grippers that need no file.
-    pub const BUILT_IN: [(&'static str, &'static str); 7] = [
+    pub const BUILT_IN: [(&'static str, &'static str); 8] = [
         ("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml")),
         ("robotiq_2f_85", include_str!("../../configs/grippers/robotiq_2f_85.toml")),
         ("slim_jaw_50", include_str!("../../configs/grippers/slim_jaw_50.toml")),
@@ -133,6 +133,7 @@ impl Gripper {
         ("wsg_50", include_str!("../../configs/grippers/wsg_50.toml")),
         ("robotiq_2f_140", include_str!("../../configs/grippers/robotiq_2f_140.toml")),
         ("robotiq_hand_e", include_str!("../../configs/grippers/robotiq_hand_e.toml")),
+        ("so_101", include_str!("../../configs/grippers/so_101.toml")),
     ];
 
     /// A fixed jaw is put so far beside what is to be gripped, beyond its clearance.
@@ -237,8 +238,8 @@ impl Gripper {
     /// fingers.
     #[must_use]
     pub fn base_to_tips_m(&self) -> f32 {
-        let flange = self.flange_from_grasp.map(|flange_from_grasp| flange_from_grasp.position_m[2]);
-        flange.unwrap_or(self.finger_length_m + self.palm_length_m)
+        let along_m = |flange_from_grasp: Pose| flange_from_grasp.translation.dot(flange_from_grasp.rotation * Vec3::Z);
+        self.flange_from_grasp.map_or(self.finger_length_m + self.palm_length_m, |parts| along_m(parts.pose()))
     }
 
     /// Reads the name of a built-in gripper, the path of a gripper's file, which ends in `.toml`, or a table with what
@@ -528,11 +529,13 @@ mod tests {
             let gripper = Gripper::from_toml(text).unwrap();
             let Some(flange_from_grasp) = gripper.flange_from_grasp.map(|parts| parts.pose()) else { continue };
             mounted += 1;
-            let tips_m = flange_from_grasp.translation;
-            assert!(tips_m.truncate().length() < 1e-6 && tips_m.z > gripper.finger_length_m, "{name}: {tips_m}");
-            assert!((flange_from_grasp.rotation * Vec3::Z - Vec3::Z).length() < 1e-6, "{name}");
+            assert!(gripper.base_to_tips_m() > gripper.finger_length_m, "{name}");
+            // SO-101's wrist has z backwards, and its jaws are beside it.
+            let (tips_m, z) = (flange_from_grasp.translation, if name == "so_101" { -Vec3::Z } else { Vec3::Z });
+            assert!(name == "so_101" || tips_m.truncate().length() < 1e-6, "{name}: {tips_m}");
+            assert!((flange_from_grasp.rotation * Vec3::Z - z).length() < 1e-5, "{name}");
         }
-        assert_eq!(mounted, 5, "all but the two that are no products");
+        assert_eq!(mounted, 6, "all but the two that are no products");
     }
 
     #[test]

@@ -107,7 +107,8 @@ def test_unknown_options_are_refused():
 
 
 def test_a_gripper_is_its_numbers():
-    for name in graspmill.Gripper.names():
+    refused("gripper so_101 has jaws of its own", lambda: graspmill.Gripper.load("so_101"))
+    for name in set(graspmill.Gripper.names()) - {"so_101"}:
         one = graspmill.Gripper.load(name)
         assert one.name == name and 0.0 < one.opening_m_max < 0.5
         again = pickle.loads(pickle.dumps(one))
