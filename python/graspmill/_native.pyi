@@ -35,11 +35,9 @@ _Path = str | PathLike[str]
 
 @final
 class Simulation:
-    gripper: list[tuple[str, float]]
-    gripper_name: str
-    jaws: str
+    gripper: str
     flange_from_grasp: list[float] | None
-    finger_tip: list[float] | None
+    joint: list[float] | None
     @staticmethod
     def gripper_names() -> list[str]: ...
     def __new__(cls, config: _Path | None, set: Sequence[tuple[str, str]]) -> Simulation: ...

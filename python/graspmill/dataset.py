@@ -153,10 +153,16 @@ class StoredScene:
 class Dataset:
     """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``), whose rows are read
     on request. Pickle opens it again. Raises InputError if there is none, IncompleteError if shards are missing,
-    DataError if it is visibly damaged."""
+    DataError if it is visibly damaged.
+
+    Attributes:
+        id: SHA-256 of its ``meta/info.json``; copies of a dataset have the same id.
+        shard_count: Number of shards, like ``scene_count``, ``attempt_count`` and, of attempts with label 1, ``positive_count``.
+    """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._native = _native.Dataset(_location(path))
+        self.id, (self.shard_count, self.scene_count, self.attempt_count, self.positive_count) = self._native.id, self._native.counts
 
     def __reduce__(self) -> tuple[type[Dataset], tuple[str]]:
         return type(self), (_location(self._native.location),)
@@ -166,34 +172,9 @@ class Dataset:
         return f"Dataset({self._native.location!r}: {counts})"
 
     @property
-    def id(self) -> str:
-        """SHA-256 of its ``meta/info.json``; copies of a dataset have the same id."""
-        return self._native.id
-
-    @property
     def info(self) -> dict[str, Any]:
         """Its ``meta/info.json``, which has the whole configuration."""
         return cast("dict[str, Any]", json.loads(self._native.info()))
-
-    @property
-    def shard_count(self) -> int:
-        """Number of shards."""
-        return self._native.counts[0]
-
-    @property
-    def scene_count(self) -> int:
-        """Number of scenes."""
-        return self._native.counts[1]
-
-    @property
-    def attempt_count(self) -> int:
-        """Number of attempts."""
-        return self._native.counts[2]
-
-    @property
-    def positive_count(self) -> int:
-        """Number of attempts with label 1."""
-        return self._native.counts[3]
 
     def __len__(self) -> int:
         return self.scene_count

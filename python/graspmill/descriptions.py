@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import warnings
@@ -58,8 +57,7 @@ class GripperBoxes:
         opening_m_min: Distance of the inner faces with the joints at their other limit.
         flange_from_grasp: ``[4, 4]``, the grasp frame in the frame of the link ``flange``; ``None`` if it is not known.
         triangles: The shapes in the boxes, ``[N, 3, 3]`` in the grasp frame; those of a jaw that turns as its boxes are given.
-        jaws: The jaws as a file has them, but ``boxes`` by their corners, ``[N, 2, 3]``, where one stands still or turns, or the tips
-            move along z; otherwise none.
+        jaws: The jaws as a file has them where one stands still or turns, or the tips move along z; otherwise none.
         joint: What the joint of such jaws is at when they are open and closed, if there is but one.
         notes: What was mended or left out, and what the boxes do not have.
     """
@@ -82,27 +80,18 @@ class GripperBoxes:
     def gripper(self, name: str, **others: Any) -> Gripper:
         """The gripper, with what a description does not tell: ``finger_mass_kg``, ``finger_force_n``, ``closing_speed_m_s`` and,
         unless they are its defaults, ``friction`` and ``clearance_m`` of :class:`Gripper`."""
-        _arrays.must(not self.jaws, "a Gripper must have jaws that slide alike: write a file (--out) of these, and give its path")
-        lengths: dict[str, Any] = {key: getattr(self, key) for key in LENGTHS[:7]}
-        return Gripper(name=name, flange_from_grasp=self.flange_from_grasp, **lengths, **others)
-
-    def file(self, name: str, **others: Any) -> str:
-        """The gripper's file, with what :meth:`gripper` takes."""
-        rows = [f"# Boxes around the collision geometry of {self.path.name}. Compare them with the real gripper."]
-        rows += lines(replace(self, jaws=()).gripper(name, **others), 6)
-        if self.joint:
-            rows.append("joint = {{ open = {:.5f}, closed = {:.5f} }}".format(*self.joint))
-        rows += ["jaws = [", *(f"    {_toml(jaw)}," for jaw in self.jaws), "]"] if self.jaws else []
-        return "\n".join([*rows, ""])
+        told: dict[str, Any] = {key: getattr(self, key) for key in (*LENGTHS[:7], "flange_from_grasp", "jaws", "joint")}
+        return Gripper(name=name, **told, **others)
 
     def boxes(self) -> Floats:
         """All boxes by their corners, ``[N, 2, 3]`` in the grasp frame; those of a jaw that turns as they are given."""
-        length, half, width, thickness = self.finger_length_m, self.opening_m_max / 2, self.finger_width_m, self.finger_thickness_m
-        palm = [[sign * self.palm_width_m / 2, sign * self.palm_breadth_m / 2, -length] for sign in (-1, 1)]
-        palm[0][2] -= self.palm_length_m
-        fingers = [[[-width / 2, y, -length], [width / 2, y + thickness, 0.0]] for y in (-half - thickness, half)]
-        own = [jaw["boxes"] for jaw in self.jaws if "boxes" in jaw] or [np.array(fingers)]
-        return np.concatenate([*own, [palm]])
+        length, middle = self.finger_length_m, (self.opening_m_max + self.finger_thickness_m) / 2
+        size = [self.finger_width_m, self.finger_thickness_m, length]
+        fingers = [{"centre_m": [0, sign * middle, -length / 2], "size_m": size} for sign in (-1, 1)]
+        own = [box for jaw in self.jaws for box in jaw.get("boxes", ())] or fingers
+        palm = {"centre_m": [0, 0, -length - self.palm_length_m / 2], "size_m": [self.palm_width_m, self.palm_breadth_m, self.palm_length_m]}
+        centres, sizes = (np.array([box[key] for box in (*own, palm)]) for key in ("centre_m", "size_m"))
+        return np.stack([centres - sizes / 2, centres + sizes / 2], axis=1)
 
     def picture(self) -> str:
         """An SVG of the shapes and the boxes, in millimetres: seen along x and along y, with z down."""
@@ -117,16 +106,6 @@ class GripperBoxes:
             drawn, right = drawn + "</g>", right + np.ptp(boxes[..., axis]) + 20
         frame = f'viewBox="0 {boxes[..., 2].min() - 10:.1f} {right:.1f} {np.ptp(boxes[..., 2]) + 20:.1f}" width="{4 * right:.0f}"'
         return f'<svg xmlns="http://www.w3.org/2000/svg" {frame}>{drawn}</svg>\n'
-
-
-def _toml(jaw: dict[str, Any]) -> str:
-    def shown(key: str, value: Any) -> str:
-        if key == "boxes":
-            rows = [{"centre_m": box.mean(axis=0), "size_m": np.maximum(box[1] - box[0], THIN_M)} for box in value]
-            return f"[\n{''.join(f'        {_toml(row)},{chr(10)}' for row in rows)}    ]"
-        return json.dumps(value if isinstance(value, bool) else (np.round(value, 5) + 0.0).tolist())
-
-    return f"{{ {', '.join(f'{key} = {shown(key, value)}' for key, value in jaw.items())} }}"
 
 
 def _cut(triangles: Floats, z: float) -> Floats:
@@ -148,9 +127,10 @@ def _along(direction: Floats) -> Floats:
     return np.asarray(np.eye(3)[nearest] * np.sign(direction[nearest]))
 
 
-def _middle(triangles: Floats) -> Floats:
-    points = triangles.reshape(-1, 3)
-    return np.asarray((points.max(axis=0) + points.min(axis=0)) / 2)
+def _around(points: Floats) -> Floats:
+    # The lower and the upper corner of the box around points.
+    points = points.reshape(-1, 3)
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def _vector(turn: Floats) -> Floats:
@@ -158,12 +138,6 @@ def _vector(turn: Floats) -> Floats:
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     sine = float(np.linalg.norm(axis))
     return np.asarray(axis * (np.arctan2(sine, np.trace(turn) - 1) / max(sine, 1e-12)))
-
-
-def _turned(vector: Floats, points: Floats) -> Floats:
-    half = np.linalg.norm(vector) / 2
-    pose = [0, 0, 0, *(vector * np.sinc(half / np.pi) / 2), np.cos(half)]
-    return np.asarray(points @ _arrays.matrices([pose])[0, :3, :3].T)
 
 
 def _most(lengths: Floats, some: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -174,11 +148,10 @@ class _Hand:
     # The parts of a gripper while its joints go from where it is closed (0) to where its tips are furthest apart (1), in the
     # grasp frame: z, the approach, is from the palm to the tips, and y the way of the second finger against the first.
     def __init__(self, gripper: GripperModel) -> None:
-        self.gripper, self.turn, self.origin, states = gripper, np.eye(3), np.zeros(3), gripper.corners()
-        self.states = np.array(states)
-        ends = [gripper.shapes(state) for state in states]
+        self.gripper, self.turn, self.origin, self.states = gripper, np.eye(3), np.zeros(3), np.array(gripper.corners())
+        ends = [gripper.shapes(state) for state in self.states]
         still = [shape for shape, geom in zip(ends[0], gripper.geoms) if not gripper.moves(gripper.model.geom_bodyid[geom])]
-        palm = _middle(np.concatenate(still)) if still else np.zeros(3)
+        palm = _around(np.concatenate(still)).mean(axis=0) if still else np.zeros(3)
         # Points of what stands still, and of each jaw what moves furthest, and of that what is furthest from the palm.
         near = np.concatenate([part for shape in still for part in (*shape.swapaxes(0, 1), shape.mean(axis=1))] or [palm[None]])
         first, last = ({side: self.of(ends[end], side).reshape(-1, 3) for side in gripper.moving} for end in (0, -1))
@@ -186,14 +159,14 @@ class _Hand:
         far = {side: _most(np.linalg.norm(first[side] - palm, axis=1), some) for side, some in far.items()}
 
         def tips(shapes: list[Floats]) -> list[Floats]:
-            return [_middle(self.of(shapes, side).reshape(-1, 3)[far[side]]) for side in gripper.moving]
+            return [_around(self.of(shapes, side).reshape(-1, 3)[far[side]]).mean(axis=0) for side in gripper.moving]
 
         apart = [float(np.linalg.norm((other or near) - one, axis=1).min()) for one, *other in map(tips, ends)]
         closed, opened = int(np.argmin(apart)), int(np.argmax(apart))
         self.states = self.states[[closed, opened]] if gripper.free else self.states[:: 1 if closed < opened else -1]
         before, after = (np.array(tips(gripper.shapes(self.at(share)))) for share in (0.0, 0.05))
         y = _along(np.sum([(2 * side - 1) * way for side, way in zip(gripper.moving, after - before)], axis=0))
-        towards = _middle(before) - palm
+        towards = _around(before).mean(axis=0) - palm
         z = _along(towards - y * (y @ towards))
         self.turn = np.stack([np.cross(y, z), y, z], axis=1)
         turns = (np.linalg.norm(_vector(self.moved(side, 1.0, 0.0)[:3, :3])) for side in gripper.moving)
@@ -230,8 +203,7 @@ class _Hand:
 
     def opening(self, share: float) -> tuple[float, Floats]:
         # The distance of the tips, and the middle between them.
-        moves = [self.moved(side, 0.0, share) if side in self.gripper.moving else np.eye(4) for side in (0, 1)]
-        low, high = (move[:3, :3] @ tip + move[:3, 3] for move, tip in zip(moves, self.tips))
+        low, high = (_placed(self.moved(side, 0.0, share), tip) for side, tip in enumerate(self.tips))
         middle = np.array([self.middle, (low[1] + high[1]) / 2, min(low[2], high[2])])
         return float(high[1] - low[1]) if abs(high[2] - low[2]) <= BEHIND_M else -np.inf, middle
 
@@ -247,29 +219,33 @@ class _Hand:
         return best, opening, min((one for one, _ in found.values() if np.isfinite(one)), default=0.0)
 
 
-def _way(turns: bool, tip: Floats, half: Floats, whole: Floats) -> dict[str, Any]:
+def _placed(pose: Floats, point: Floats) -> Floats:
+    return np.asarray(pose[:3, :3] @ point + pose[:3, 3])
+
+
+def _way(tip: Floats, half: Floats, whole: Floats) -> dict[str, Any]:
     # A jaw's way, from how it is moved after half of it and after all.
-    middle, end = (move[:3, :3] @ tip + move[:3, 3] - tip for move in (half, whole))
-    if turns:
-        pivot = np.linalg.lstsq(np.eye(3) - whole[:3, :3], whole[:3, 3], rcond=1e-6)[0]
-        return {"turn_rad": _vector(whole[:3, :3]), "pivot_m": pivot}
+    turn, middle, end = _vector(whole[:3, :3]), _placed(half, tip) - tip, _placed(whole, tip) - tip
+    if np.linalg.norm(turn) > TURN_RAD:
+        return {"turn_rad": turn, "pivot_m": np.linalg.lstsq(np.eye(3) - whole[:3, :3], whole[:3, 3], rcond=1e-6)[0]}
     line = end / max(float(np.linalg.norm(end)), 1e-12)
-    across = middle - line * (middle @ line)
+    along = middle @ line
+    across = middle - line * along
     if (bow := float(np.linalg.norm(across))) < BOW_M:
         return {"slide_m": end}
     # The circle through the three: its centre is on the middle line of two of them.
-    along = middle @ line
     up = (along * (along - np.linalg.norm(end)) + bow**2) / (2 * bow)
-    centre = end / 2 + across / bow * up
     angle = 2 * np.arctan2(np.linalg.norm(end) / 2, -up)
-    return {"turn_rad": np.cross(across / bow, line) * angle, "pivot_m": tip + centre, "keeps_parallel": True}
+    return {"turn_rad": np.cross(across / bow, line) * angle, "pivot_m": tip + end / 2 + across / bow * up, "keeps_parallel": True}
 
 
-def _reach(way: dict[str, Any], tip: Floats, share: float) -> Floats:
-    # How far a tip has come.
+def _moved(way: dict[str, Any], points: Floats, share: float) -> Floats:
+    # Where points are after a share of a way.
     if "turn_rad" not in way:
-        return np.asarray(share * way.get("slide_m", np.zeros(3)))
-    return np.asarray(_turned(share * way["turn_rad"], tip - way["pivot_m"]) + way["pivot_m"] - tip)
+        return np.asarray(points + share * way.get("slide_m", np.zeros(3)))
+    half = share * np.linalg.norm(way["turn_rad"]) / 2
+    pose = [0, 0, 0, *(share * way["turn_rad"] * np.sinc(half / np.pi) / 2), np.cos(half)]
+    return np.asarray((points - way["pivot_m"]) @ _arrays.matrices([pose])[0, :3, :3].T + way["pivot_m"])
 
 
 def from_description(
@@ -297,26 +273,29 @@ def from_description(
     _must_be_free(hand, local, opening)
     tips = np.array([[0.0, side * opening / 2, 0.0] for side in (-1, 1)])
     ways, share = _ways(hand, best, tips)
-    everything = np.concatenate(local)
     if hand.is_turning:
-        length, (width, thickness), palm, everything = _of_jaws(hand, local, opening, ways)
+        *sizes, everything = _of_jaws(hand, local, opening, ways)
     else:
+        everything = np.concatenate(local)
         length = _finger_length(everything, opening)
-        (width, thickness), palm = _boxes(everything, opening, length)
-    joint = None
+        sizes = [length, *_boxes(everything, opening, length)]
+    joint, where = None, ""
     if ways and len(gripper.free) == 1:
         opened, closed = (float(hand.at(at)[gripper.model.jnt_qposadr[gripper.free[0]]]) for at in (best, 0.0))
         joint = (opened, opened + share * (closed - opened))
+        where = f" where joint {gripper.model.joint(gripper.free[0]).name} is at {opened:.3f}"
     if ways and best < 1:
-        where = f" where joint {gripper.model.joint(gripper.free[0]).name} is at {joint[0]:.3f}" if joint else ""
         gripper.notes.append(f"the widest opening is taken{where}: beyond, tips come nearer, or one is {1e3 * BEHIND_M:.0f} mm behind")
     if ways and least > BESIDE_M:
         gripper.notes.append(f"within their limits the jaws come no nearer than {1e3 * least:.1f} mm; in the file they close")
-    sizes = dict(zip(LENGTHS, (opening, length, width, thickness, *palm)))
     # Outwards to tenths of a millimetre.
-    outwards: dict[str, Any] = {key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in sizes.items()}
-    rest: dict[str, Any] = {"opening_m_min": max(0.0, least), "flange_from_grasp": _flange(hand, best)}
-    boxes = GripperBoxes(path=gripper.path, **outwards, **rest, triangles=everything, jaws=tuple(ways), joint=joint, notes=())
+    told: dict[str, Any] = {
+        key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in zip(LENGTHS, (opening, *sizes))
+    }
+    is_known = gripper.flange is not None or not any(gripper.model.body_jntnum[body] for body in gripper.way(gripper.root))
+    told["flange_from_grasp"] = np.linalg.inv(gripper.pose(hand.at(best), gripper.flange or 0)) @ hand.frame if is_known else None
+    told |= {"opening_m_min": max(0.0, least), "triangles": everything, "jaws": tuple(ways), "joint": joint}
+    boxes = GripperBoxes(path=gripper.path, **told, notes=())
     volume = _volume(boxes.boxes()) / (8 * gripper.model.geom_aabb[gripper.geoms, 3:].prod(axis=1).sum())
     if volume > 2:
         gripper.notes.append(f"the boxes are {volume:.1f} times as large as boxes around each shape: look at them (--picture)")
@@ -330,22 +309,19 @@ def _ways(hand: _Hand, best: float, tips: Floats) -> tuple[list[dict[str, Any]],
     shares = np.linspace(0, 3, 301)
     for side in hand.gripper.moving:
         tip, half, whole = tips[side], hand.moved(side, best, best / 2), hand.moved(side, best, 0.0)
-        ways[side] = _way(bool(np.linalg.norm(_vector(whole[:3, :3])) > TURN_RAD), tip, half, whole)
-        passed = half[:3, :3] @ tip + half[:3, 3] - tip
-        off = min(float(np.linalg.norm(_reach(ways[side], tip, share) - passed)) for share in shares[:101])
+        ways[side] = way = _way(tip, half, whole)
+        off = min(float(np.linalg.norm(_moved(way, tip, share) - _placed(half, tip))) for share in shares[:101])
         if off > BESIDE_M:
             name = hand.gripper.name(hand.gripper.fingers[side])
             hand.gripper.notes.append(f"on its way {name} is up to {1e3 * off:.0f} mm beside where it is; open and closed it is right")
-    beside = max(float(np.abs(_reach(way, tip, 1.0)[[0, 2]]).max()) for way, tip in zip(ways, tips))
+    beside = max(float(np.abs(_moved(way, tip, 1.0) - tip)[[0, 2]].max()) for way, tip in zip(ways, tips))
     if not hand.is_turning and beside <= BESIDE_M:
         return [], 1.0
-    left = np.array([np.diff([(_reach(way, tip, share) + tip)[1] for way, tip in zip(ways, tips)])[0] for share in shares])
+    left = np.array([np.diff([_moved(way, tip, share)[1] for way, tip in zip(ways, tips)])[0] for share in shares])
     at = int(np.argmax(left <= 0))
     _arrays.must(at, f"the jaws must close, and come no nearer than {1e3 * left[100]:.1f} mm on their ways: {hand.gripper.path}")
     share = float(np.interp(0, left[[at, at - 1]], shares[[at, at - 1]]))
-    for way in ways:
-        way |= {key: share * way[key] for key in ("slide_m", "turn_rad") if key in way}
-    return ways, share
+    return [way | {key: share * way[key] for key in ("slide_m", "turn_rad") if key in way} for way in ways], share
 
 
 def _room(rest: Floats, fixed: int | None, opening: float) -> float:
@@ -354,28 +330,23 @@ def _room(rest: Floats, fixed: int | None, opening: float) -> float:
     return float(np.nanmax(_cut(rest[..., [0, 2, 1]] * [1, 1, sign], level)[..., 1], initial=-np.inf))
 
 
-def _of_jaws(
-    hand: _Hand, local: list[Floats], opening: float, ways: list[dict[str, Any]]
-) -> tuple[float, tuple[float, float], tuple[float, float, float], Floats]:
-    # Adds the boxes of jaws to their ways. Length, width and thickness of the fingers, the palm, and what is in the boxes.
+def _of_jaws(hand: _Hand, local: list[Floats], opening: float, ways: list[dict[str, Any]]) -> list[Any]:
+    # Adds the boxes of jaws to their ways. The lengths of the fingers and the palm, and what is in the boxes.
     fixed, rest = hand.fixed, hand.of(local, hand.fixed, None)
     length = float(np.floor(1e4 * min(-_room(rest, fixed, opening), -rest[..., 2].min(initial=0.0) - 0.001)) / 1e4)
     _arrays.must(length >= PAD_M, f"fingers must be longer than {1e3 * PAD_M:.0f} mm, and nothing is behind them: {hand.gripper.path}")
     shown, ends = [rest], []
     for side, way in enumerate(ways):
-        own = hand.side(local, side)
-        least, least_volume = np.empty((0, 2, 3)), np.inf
-        for at in np.linspace(0, 1, 9) if "turn_rad" in way else [0.0]:
-            moved = _turned(at * way["turn_rad"], own - way["pivot_m"]) + way["pivot_m"] if at else own
-            boxes = _sliced(moved, ROUNDING_M - length if side == fixed else -np.inf)
-            if (volume := _volume(boxes)) < least_volume:
-                least, least_volume, posed, way["boxes_at"] = boxes, volume, moved, float(at)
-        shown += [] if side == fixed else [posed]
-        way["boxes"] = least
-        ends.append(np.ptp(least[least[:, 1, 2].argmax()], axis=0)[:2])
+        own, start = hand.side(local, side), ROUNDING_M - length if side == fixed else -np.inf
+        turns = "turn_rad" in way and "keeps_parallel" not in way
+        posed = [(at, _moved(way, own, at) if at else own) for at in (np.linspace(0, 1, 9) if turns else [0.0])]
+        tried = [(_sliced(shape, start), shape, at) for at, shape in posed]
+        boxes, shape, way["boxes_at"] = min(tried, key=lambda one: _volume(one[0]))
+        way["boxes"] = [{"centre_m": box.mean(axis=0), "size_m": np.maximum(box[1] - box[0], THIN_M)} for box in boxes]
+        shown += [] if side == fixed else [shape]
+        ends.append(np.ptp(boxes[boxes[:, 1, 2].argmax()], axis=0)[:2])
     back = np.nanmax(np.abs(_cut(rest * [1, 1, -1], length)), axis=(0, 1))
-    width, thickness = np.max(ends, axis=0)
-    return length, (width, thickness), (back[2] - length, 2 * back[0], 2 * back[1]), np.concatenate(shown)
+    return [length, *np.max(ends, axis=0), back[2] - length, 2 * back[0], 2 * back[1], np.concatenate(shown)]
 
 
 def _volume(boxes: Floats) -> float:
@@ -390,9 +361,9 @@ def _sliced(triangles: Floats, start: float) -> Floats:
     for at, top in enumerate(edges[1:]):
         points = np.concatenate([cuts[at].reshape(-1, 3), cuts[at + 1][:, 3:].reshape(-1, 3)])
         if len(points := points[points[:, 2] <= top + ROUNDING_M]):
-            boxes.append(np.array([points.min(axis=0), points.max(axis=0)]))
+            boxes.append(_around(points))
     while len(boxes) > 1:
-        joined = [np.array([np.minimum(one[0], two[0]), np.maximum(one[1], two[1])]) for one, two in zip(boxes, boxes[1:])]
+        joined = [_around(np.array(pair)) for pair in zip(boxes, boxes[1:])]
         more = [_volume(both) - _volume(one) - _volume(two) for both, one, two in zip(joined, boxes, boxes[1:])]
         at = int(np.argmin(more))
         if len(boxes) <= JAW_BOXES and more[at] > JOINED * _volume(np.array(boxes)):
@@ -419,11 +390,11 @@ def _must_be_free(hand: _Hand, local: list[Floats], opening: float) -> None:
             raise InputError(f"{rule}. If its shapes are coarse ones around those of others, leave it out: --without {name}")
 
 
-def _boxes(everything: Floats, opening: float, length: float) -> tuple[tuple[float, float], tuple[float, float, float]]:
+def _boxes(everything: Floats, opening: float, length: float) -> list[float]:
     # Of fingers of a length the width and the thickness, and of the palm behind them the lengths along z, x and y.
     cuts = _cut(everything, ROUNDING_M - length), _cut(everything * [1, 1, -1], length)
     front, back = (np.nanmax(np.abs(cut), axis=(0, 1)) for cut in cuts)
-    return (2 * front[0], front[1] - opening / 2), (back[2] - length, 2 * back[0], 2 * back[1])
+    return [2 * front[0], front[1] - opening / 2, back[2] - length, 2 * back[0], 2 * back[1]]
 
 
 def _finger_length(everything: Floats, opening: float) -> float:
@@ -431,18 +402,11 @@ def _finger_length(everything: Floats, opening: float) -> float:
     for length in np.arange(PAD_M, deepest, STEP_M):
         if _near(_cut(everything, ROUNDING_M - length)) < opening / 2 - BETWEEN_M:
             break
-        (width, thickness), (_, palm_width, palm_breadth) = _boxes(everything, opening, length)
+        width, thickness, _, palm_width, palm_breadth = _boxes(everything, opening, length)
         behind = 0.5 ** (length / HALF_M)
         best = min(best, (2 * width * thickness * (1 - behind) + palm_width * palm_breadth * behind, float(length)))
     _arrays.must(best[1], f"fingers must be longer than {1e3 * PAD_M:.0f} mm, and nothing is behind them")
     return best[1]
-
-
-def _flange(hand: _Hand, best: float) -> Floats | None:
-    body = hand.gripper.flange
-    if body is None and any(hand.gripper.model.body_jntnum[one] for one in hand.gripper.way(hand.gripper.root)):
-        return None
-    return np.asarray(np.linalg.inv(hand.gripper.pose(hand.at(best), body or 0)) @ hand.frame)
 
 
 def _said(boxes: GripperBoxes) -> str:
@@ -479,8 +443,10 @@ def main(words: Sequence[str] | None = None) -> int:
         if given.out:
             if None in (given.mass, given.force, given.speed):
                 raise InputError("--out needs --mass, --force and --speed, which no description tells")
-            others = {"finger_mass_kg": given.mass, "finger_force_n": given.force, "closing_speed_m_s": given.speed}
-            _native.publish(given.out, boxes.file(Path(given.out).stem, **others))
+            name = Path(given.out).stem
+            gripper = boxes.gripper(name, finger_mass_kg=given.mass, finger_force_n=given.force, closing_speed_m_s=given.speed)
+            head = f"# Boxes around the collision geometry of {boxes.path.name}. Compare them with the real gripper."
+            _native.publish(given.out, "\n".join([head, *lines(gripper, 6), ""]))
     except GraspmillError as error:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code

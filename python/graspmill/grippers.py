@@ -31,6 +31,7 @@ class Gripper:
         flange_from_grasp: The grasp frame in the flange's, ``[4, 4]``, ``[7]`` or ``[3]``; plans then have both poses.
         finger_tip: Thickness and length of the part of the fingers at their tips that is thinner, if there is one.
         jaws: Of other jaws the one at −y and the one at +y, by the keys of a gripper's file (``docs/gripper-file.md``, other jaws).
+        joint: What its driver says at the widest opening and closed; plans then have ``joint_position``.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Gripper:
     flange_from_grasp: NDArray[np.float64] | None = None
     finger_tip: tuple[float, float] | None = None
     jaws: Sequence[Mapping[str, Any]] = ()
+    joint: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.flange_from_grasp is not None:
@@ -68,15 +70,15 @@ class Gripper:
 
     @classmethod
     def _of(cls, read: _native.Simulation) -> Gripper:
-        flange = read.flange_from_grasp
-        pose = None if flange is None else _arrays.matrices([flange])[0]
-        tip = read.finger_tip and (_arrays.shortest(read.finger_tip[0]), _arrays.shortest(read.finger_tip[1]))
-        numbers = {key: _arrays.shortest(value) for key, value in read.gripper}
-        return cls(name=read.gripper_name, flange_from_grasp=pose, finger_tip=tip or None, jaws=tuple(json.loads(read.jaws)), **numbers)
+        told: dict[str, Any] = {"flange_from_grasp": read.flange_from_grasp, **json.loads(read.gripper)}
+        told["finger_tip"] = tuple(told.get("finger_tip", {}).values()) or None
+        told["joint"] = read.joint and tuple(map(_arrays.shortest, read.joint))
+        return cls(**told)
 
 
-#: Numbers of a gripper.
-LENGTHS = tuple(one.name for one in fields(Gripper) if one.name not in ("name", "flange_from_grasp", "finger_tip", "jaws"))
+#: Numbers of a gripper, and what is two of them, by their keys.
+LENGTHS = tuple(one.name for one in fields(Gripper) if one.type == "float")
+PAIRS = {"finger_tip": ("thickness_m", "length_m"), "joint": ("open", "closed")}
 
 
 def loaded(gripper: GripperLike) -> Gripper:
@@ -93,23 +95,24 @@ def setting(gripper: GripperLike) -> str:
 
 
 def lines(gripper: Gripper, decimals: int | None = None) -> list[str]:
-    """The keys and values of a gripper's file, with so many decimals of the flange's pose."""
+    """The keys and values of a gripper's file, with so many decimals of what is no length."""
     parts = [f"name = {json.dumps(_arrays.text('name', gripper.name), ensure_ascii=False)}"]
     parts += [f"{key} = {_arrays.number(key, getattr(gripper, key), 0.0, 1e3)!r}" for key in LENGTHS]
-    if gripper.finger_tip is not None:
-        thickness, length = (_arrays.number("finger_tip", part, 0.0, 1e3) for part in gripper.finger_tip)
-        parts.append(f"finger_tip = {{ thickness_m = {thickness!r}, length_m = {length!r} }}")
-    with _arrays.read_as("jaws must be two mappings, by the keys of a gripper's file", gripper.jaws):
-        parts += [f"jaws = {_toml(gripper.jaws)}"] if len(gripper.jaws) else []
+    pairs = {key: getattr(gripper, key) for key in PAIRS}
+    told: dict[str, Any] = {key: dict(zip(PAIRS[key], _arrays.numbers(key, pair, (2,)))) for key, pair in pairs.items() if pair is not None}
     if gripper.flange_from_grasp is not None:
         pose = _arrays.pose("flange_from_grasp", gripper.flange_from_grasp)
-        *position, x, y, z, w = pose if decimals is None else (round(part, decimals) for part in pose)
-        parts.append(f"flange_from_grasp = {{ position_m = {position}, quaternion_xyzw = {[x, y, z, w]} }}")
-    return parts
+        told["flange_from_grasp"] = {"position_m": pose[:3], "quaternion_xyzw": pose[3:]}
+    with _arrays.read_as("jaws must be two mappings, by the keys of a gripper's file", gripper.jaws):
+        told |= {"jaws": gripper.jaws} if len(gripper.jaws) else {}
+        return parts + [f"{key} = {_toml(value, decimals)}" for key, value in told.items()]
 
 
-def _toml(value: Any) -> str:
+def _toml(value: Any, decimals: int | None) -> str:
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{json.dumps(key)} = {_toml(part)}' for key, part in value.items())} }}"
+        return f"{{ {', '.join(f'{key} = {_toml(part, decimals)}' for key, part in value.items())} }}"
     parts = value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
-    return f"[{', '.join(map(_toml, parts))}]" if isinstance(parts, (list, tuple)) else json.dumps(parts, allow_nan=False)
+    if not isinstance(parts, (list, tuple)):
+        return json.dumps(parts if decimals is None or isinstance(parts, bool) else round(parts, decimals) + 0.0, allow_nan=False)
+    between = ",\n    " if any(isinstance(part, Mapping) for part in parts) else ", "
+    return f"[{between.join(_toml(part, decimals) for part in parts)}]"

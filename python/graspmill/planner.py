@@ -117,6 +117,9 @@ class Planner(Immutable):
         gripper: A :class:`Gripper`, a built-in one's name or a file's path; by default the one in the settings.
         threads: Number of threads, by default one per core; it never changes the plan.
 
+    Attributes:
+        gripper: Name of the gripper. ``model_id`` is the SHA-256 of the network's file, ``size_m`` the side of the workspace.
+
     Raises InputError if a file does not hold a network or settings, or the network was not trained for the gripper.
     """
 
@@ -127,21 +130,7 @@ class Planner(Immutable):
         simulation = None if gripper is None else _simulation(gripper, None)
         weights = None if model is None else _arrays.path("model", model)
         self._native = _native.Planner(_arrays.path("config", config), weights, simulation, _arrays.threads(threads))
-
-    @property
-    def gripper(self) -> str:
-        """Name of the gripper."""
-        return self._native.gripper_name
-
-    @property
-    def model_id(self) -> str:
-        """SHA-256 of the file of the network."""
-        return self._native.model_id
-
-    @property
-    def size_m(self) -> float:
-        """Side of the workspace, in metres."""
-        return self._native.grid(None)[0]
+        self.gripper, self.model_id, self.size_m = self._native.gripper_name, self._native.model_id, self._native.grid(None)[0]
 
     def __repr__(self) -> str:
         return f"Planner(model {self.model_id[:12]}, gripper {self.gripper})"

@@ -80,10 +80,11 @@ class Grasp:
 
 
 class Plan(Immutable, Sequence[Grasp]):
-    """Ranked grasps, best first; a sequence of :class:`Grasp`. If it is empty, ``reason`` says why."""
+    """Ranked grasps, best first; a sequence of :class:`Grasp`. If it is empty, ``reason`` says why. ``timings_ms`` has the
+    milliseconds of each stage."""
 
     _text: str
-    _timings_ms: dict[str, float]
+    timings_ms: dict[str, float]
     _cloud: NDArray[np.float32]
     #: For pages and images; a plan that was pickled has none.
     _drawn: _native.Plan | None = None
@@ -91,7 +92,7 @@ class Plan(Immutable, Sequence[Grasp]):
     @classmethod
     def _of(cls, native: _native.Plan) -> Plan:
         made = cls.__new__(cls)
-        made._drawn, made._text, made._timings_ms = native, native.json(), dict(native.timings_ms)
+        made._drawn, made._text, made.timings_ms = native, native.json(), dict(native.timings_ms)
         made._cloud = native.cloud().reshape(-1, 3)
         return made
 
@@ -102,7 +103,7 @@ class Plan(Immutable, Sequence[Grasp]):
         return self._drawn
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: vars(self)[name] for name in ("_text", "_timings_ms", "_cloud")}
+        return {name: vars(self)[name] for name in ("_text", "timings_ms", "_cloud")}
 
     @cached_property
     def answer(self) -> dict[str, Any]:
@@ -117,7 +118,7 @@ class Plan(Immutable, Sequence[Grasp]):
         told = answer.get("format") if isinstance(answer, dict) else answer
         _arrays.must(told == FORMAT and isinstance(answer, dict), f"format must be {FORMAT}", told)
         made = cls.__new__(cls)
-        made._text, made._timings_ms = text if isinstance(text, str) else text.decode(), {}
+        made._text, made.timings_ms = text if isinstance(text, str) else text.decode(), {}
         made._cloud = np.empty((0, 3), np.float32)
         try:
             poses, scored = made.workspace_from_grasp, made.qualities
@@ -171,11 +172,6 @@ class Plan(Immutable, Sequence[Grasp]):
     def warnings(self) -> list[str]:
         """What else is to be known."""
         return cast("list[str]", self.answer["warnings"])
-
-    @property
-    def timings_ms(self) -> dict[str, float]:
-        """Milliseconds of each stage."""
-        return dict(self._timings_ms)
 
     @property
     def workspace_from_camera(self) -> NDArray[np.float64] | None:

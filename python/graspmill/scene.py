@@ -52,25 +52,19 @@ class Object(Immutable):
     """An object: a shape with mass and friction, at a pose. Make one with :meth:`cuboid`, :meth:`solid` or :meth:`mesh`.
 
     Attributes:
+        name: The shape's name, or the mesh's.
+        extents_m: Full lengths of the bounding box along its axes, ``[3]``.
         friction: Coulomb coefficient; a contact multiplies it by that of the gripper or the table.
         workspace_from_object: Its pose, ``[4, 4]``. The origin of its frame is the centre of its bounding box.
     """
 
+    name: str
+    extents_m: NDArray[np.float64]
     mass_kg: float
     friction: float
     workspace_from_object: NDArray[np.float64]
     _body: _native.Body = field(repr=False)
     _pose: tuple[float, ...] = field(repr=False)
-
-    @property
-    def name(self) -> str:
-        """The shape's name, or the mesh's."""
-        return self._body.name
-
-    @property
-    def extents_m(self) -> NDArray[np.float64]:
-        """Full lengths of the bounding box along the object's axes, ``[3]``."""
-        return np.array(self._body.extents_m, dtype=np.float64)
 
     @classmethod
     def _of(cls, body: _native.Body, pose: ArrayLike, mass_kg: float | None, friction: float) -> Object:
@@ -84,8 +78,8 @@ class Object(Immutable):
     @classmethod
     def _wrap(cls, body: _native.Body, mass_kg: float, friction: float, pose: tuple[float, ...]) -> Object:
         made = cls.__new__(cls)
-        matrix = _arrays.matrices([pose])[0]
-        vars(made).update(mass_kg=mass_kg, friction=friction, workspace_from_object=matrix, _body=body, _pose=pose)
+        vars(made).update(name=body.name, extents_m=np.array(body.extents_m, np.float64), mass_kg=mass_kg, friction=friction)
+        vars(made).update(workspace_from_object=_arrays.matrices([pose])[0], _body=body, _pose=pose)
         return made
 
     @classmethod

@@ -99,28 +99,16 @@ impl Simulation {
         Ok(if is_other_gripper { made } else { Self { gripper: self.gripper.clone(), ..made } })
     }
 
-    /// The gripper's numbers, by their names in its file.
+    /// The gripper in JSON, as datasets store it.
     #[getter]
-    fn gripper(&self) -> Vec<(&'static str, f32)> {
-        self.gripper.numbers().to_vec()
+    fn gripper(&self) -> PyResult<String> {
+        serde_json::to_string(&self.gripper).map_err(|error| wrong(error.to_string()))
     }
 
-    /// Its jaws, if they are no fingers that slide alike, as JSON.
+    /// What its joint is at, open and closed, if its file has it.
     #[getter]
-    fn jaws(&self) -> PyResult<String> {
-        serde_json::to_string(&self.gripper.jaws).map_err(|error| wrong(error.to_string()))
-    }
-
-    /// Thickness and length of its fingers' tips, in metres, if they are thinner.
-    #[getter]
-    fn finger_tip(&self) -> Option<[f32; 2]> {
-        self.gripper.finger_tip.map(|tip| [tip.thickness_m, tip.length_m])
-    }
-
-    /// The gripper's name.
-    #[getter]
-    fn gripper_name(&self) -> &str {
-        &self.gripper.name
+    fn joint(&self) -> Option<[f32; 2]> {
+        self.gripper.joint.map(|joint| [joint.open, joint.closed])
     }
 
     /// Its grasp frame in the frame of the robot's flange, as position and quaternion, if its file has it.

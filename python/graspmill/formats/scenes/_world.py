@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import _arrays, _native
+from ...grippers import LENGTHS, Gripper
 from ...scene import OUTCOMES
 
 #: Half lengths of the table; its top is in the middle of the workspace.
@@ -95,9 +96,10 @@ class World:
         self.still = [Still("table", friction, {"table": Box(centre_m, singles(*TABLE_HALF_M))})]
         if walls:
             self.still.append(Still("container", friction, _named("container", [_hull(wall) for wall in walls])))
-        rule = f"a scene's gripper must have fingers that slide alike to be exported, and {simulation.gripper_name} has jaws of its own"
-        _arrays.must(simulation.jaws == "[]", rule)
-        self.gripper = {key: Single(value) for key, value in simulation.gripper}
+        gripper = Gripper._of(simulation)
+        rule = f"a scene's gripper must have fingers that slide alike to be exported, and {gripper.name} has jaws of its own"
+        _arrays.must(not gripper.jaws, rule)
+        self.gripper = {key: Single(getattr(gripper, key)) for key in LENGTHS}
         self.stroke_m = Single(self.gripper["opening_m_max"] / 2)
         self.damping = Single(self.gripper["finger_force_n"] / self.gripper["closing_speed_m_s"])
         self.gripper_parts = _gripper_parts(self.gripper, self.stroke_m)
@@ -108,7 +110,7 @@ class World:
         self.plain |= {"dataset_id": dataset.id, "scene_id": scene_id, "gravity_m_s2": Single(physics["gravity_m_s2"])}
         self.plain |= {"table": {"z_m": table_z_m, "friction": friction}, "container": None, "objects": []}
         self.plain["cameras"] = [self._camera(number, pose) for number, pose in enumerate(self.rows["workspace_from_camera"])]
-        self.plain |= {"hand": {"name": simulation.gripper_name, **self.gripper}, "attempts": self._attempts()}
+        self.plain |= {"hand": {"name": gripper.name, **self.gripper}, "attempts": self._attempts()}
         if scene.container is not None:
             kind, (x_m, y_m, *sizes), _ = scene.container
             lengths = dict(zip(("height_m", "thickness_m", "slope_rad"), singles(*sizes)))
