@@ -30,8 +30,7 @@ class Batch(_Shared):
 class GraspCropBatch(_Shared):
     """``B`` grasps as a judge sees them (:func:`graspmill.grasp_crops`): ``crop`` ``[B, 4, 8, 20, 28]``, ``context``
     ``[B, 3, 12, 8, 8]``, ``features`` ``[B, 16]``, ``outcome`` (index into ``graspmill.OUTCOMES``), ``label`` (1 if the
-    attempt held), ``hits_table`` (bool: it fails for certain; the training set has none such), and ``share`` as in
-    :class:`Batch`."""
+    attempt held), ``hits_table`` (bool: it fails for certain; never in training), and ``share`` as in :class:`Batch`."""
 
     crop: Tensor
     context: Tensor

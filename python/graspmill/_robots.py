@@ -276,8 +276,7 @@ class GripperModel:
         limited = model.actuator_ctrllimited.astype(bool)
         for share in np.linspace(0, 1, DRIVEN_STATES):
             data.ctrl[limited] = model.actuator_ctrlrange[limited] @ [1 - share, share]
-            for _ in range(int((DRIVEN_S if share in (0, 1) else DRIVEN_S / 6) / model.opt.timestep)):
-                self.mujoco.mj_step(model, data)
+            self.mujoco.mj_step(model, data, int((DRIVEN_S if share in (0, 1) else DRIVEN_S / 6) / model.opt.timestep))
             states.append(data.qpos.copy())
         return states
 

@@ -29,8 +29,7 @@ class VoxelNetwork(nn.Module):
     """The paper's network, which is VGN's: it predicts a quality, an orientation and an opening for every voxel.
 
     With ``head="closings"`` it answers by closing direction (:meth:`heads`), of which :meth:`forward` gives the one at which most
-    grasps hold. :meth:`load` reads every checkpoint of such a network; what :meth:`save` writes is one, for ``graspmill plan
-    --model`` and ``graspmill evaluate``.
+    grasps hold. :meth:`load` reads every checkpoint of such a network, and :meth:`save` writes one for the programs.
 
     Args:
         upsampling: ``"linear"`` (trilinear, as in the shipped configs) or ``"nearest"``.
@@ -69,18 +68,16 @@ class VoxelNetwork(nn.Module):
         return x
 
     def forward(self, tsdf: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """From TSDFs in VGN's values, ``[B, 1, 40, 40, 40]``, to quality (0 to 1, ``[B, 1, …]``), rotation (unit
-        quaternion x, y, z, w, ``[B, 4, …]``) and width (voxels, ``[B, 1, …]``)."""
+        """From TSDFs in VGN's values, ``[B, 1, 40, 40, 40]``, to quality ``[B, 1, …]``, rotation ``[B, 4, …]`` and width in voxels."""
         if self.head == "closings":
             return _best_closing(self.heads(tsdf))
         x = self.features(tsdf)
         return torch.sigmoid(self.conv_qual(x)), F.normalize(self.conv_rot(x), dim=1), self.conv_width(x)
 
     def heads(self, tsdf: Tensor) -> dict[str, Tensor]:
-        """The answers by closing direction, each ``[B, channels, 40, 40, 40]``: ``quality_logit`` and ``width``
-        (voxels) have 3 channels a, b, c of a + b cos 2t + c sin 2t at turn t; ``approach`` is a unit vector; the
-        softmax of ``turn_logits`` says how likely each of 15 turns over half a turn is that of a grasp that holds;
-        ``tips`` is the point between the finger tips from the middle of the voxel, in voxels."""
+        """The answers by closing direction, each ``[B, channels, 40, 40, 40]``: ``quality_logit`` and ``width`` (voxels) are a, b, c of
+        a + b cos 2t + c sin 2t at turn t; ``approach`` is a unit vector; the softmax of ``turn_logits`` says how likely each of 15 turns
+        over half a turn holds; ``tips`` is the point between the finger tips from the middle of the voxel, in voxels."""
         _arrays.must(self.head == "closings", "the network has the paper's head: heads are those of head='closings'")
         x = self.features(tsdf)
         names = ("quality_logit", "approach", "turn_logits", "width", "tips")
@@ -97,10 +94,9 @@ class VoxelNetwork(nn.Module):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> VoxelNetwork:
-        """The network of a checkpoint, or of a state dict of VGN's network, as safetensors or of ``torch.save``, alone
-        or under ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither upsampling nor origin, so
-        VGN's are used: nearest upsampling, and the origin 50 mm behind the finger tips, in the lower corner of its
-        voxel. Raises DataError if a checkpoint is damaged."""
+        """The network of a checkpoint, or of a state dict of VGN's network, as safetensors or of ``torch.save``, alone or under
+        ``"state_dict"``, ``"model_state_dict"`` or ``"model"``, with VGN's upsampling (nearest) and origin (50 mm behind the tips,
+        in the lower corner of its voxel). Raises DataError if a checkpoint is damaged."""
         stated: dict[str, Any] = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
         with open(path, "rb") as file:
             first = file.read(9)

@@ -26,8 +26,7 @@ def annotate(
     mesh, or of the :class:`Object`. Equal arguments give equal grasps, those of ``graspmill objects annotate``.
 
     Args:
-        object: An object, whose pose does not matter; a mesh as for :meth:`Object.mesh`, with its mass and friction; or the path of
-            a mesh, of a URDF or an MJCF (``pip install graspmill[descriptions]``) or of a catalogue of one object.
+        object: An object at any pose, a mesh as for :meth:`Object.mesh`, or the path of a mesh, a URDF, an MJCF or a catalogue of one.
         gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file; ``parallel_jaw_80`` by default.
         grasps: Number of grasps, drawn by ``seed``; with ``held_only`` only those that hold count and are kept.
         given: Grasps of somebody else to be labelled instead, ``object_from_grasp``, ``[N, 4, 4]`` or ``[N, 7]``.

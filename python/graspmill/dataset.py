@@ -7,7 +7,7 @@ import json
 import os
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, cast
+from typing import Any, Callable, Iterator, Mapping, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,6 @@ from .errors import InputError
 from .grippers import GripperLike
 from .pages import Page
 from .scene import Outcomes, Scene, _pairs
-
-if TYPE_CHECKING:
-    import pandas  # type: ignore[import-untyped, import-not-found, unused-ignore]
-    import polars  # type: ignore[import-not-found, unused-ignore]
-    import pyarrow  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
 #: Called with the numbers of attempts that are done, of all attempts, and of positive ones from this call.
 Progress = Callable[[int, int, int], None]
@@ -63,9 +58,8 @@ def generate(
     count, share = _arrays.threads(threads), _arrays.number("rejected_max", rejected_max, 0.0, 1.0)
     files = (("config", None if config == "paper" else config), ("policy", policy))
     paths = [None if path is None else os.path.abspath(_arrays.path(name, path)) for name, path in files]
-    pairs = _pairs(gripper, settings)
     _arrays.must(progress is None or callable(progress), "progress must be a function", progress)
-    work, has_ended = _native.Generation(where, paths[0], shards, attempts, seed, paths[1], pairs, share, count), False
+    work, has_ended = _native.Generation(where, paths[0], shards, attempts, seed, paths[1], _pairs(gripper, settings), share, count), False
     try:
         while not has_ended:
             has_ended = work.has_ended()
@@ -78,30 +72,14 @@ def generate(
 
 
 class Table:
-    """The rows of a table, read on request as often as it is asked for: an Arrow stream (``__arrow_c_stream__``) for
-    ``polars.DataFrame``, ``pyarrow.table`` or ``pandas.DataFrame.from_arrow``."""
+    """The rows of a table, read as often as it is asked for: an Arrow stream (``__arrow_c_stream__``) for ``polars.DataFrame(table)``,
+    ``pyarrow.table(table)`` and, of that, ``to_pandas()``."""
 
     def __init__(self, dataset: _native.Dataset, name: str, shards: range, grids: bool) -> None:
         self._dataset, self.name, self._shards, self._grids = dataset, name, shards, grids
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
         return self._dataset.stream(self.name, self._shards.start, self._shards.stop, self._grids)
-
-    def to_polars(self) -> polars.DataFrame:
-        """The rows as a ``polars.DataFrame``."""
-        import polars
-
-        return polars.DataFrame(self)
-
-    def to_arrow(self) -> pyarrow.Table:
-        """The rows as a ``pyarrow.Table``."""
-        import pyarrow
-
-        return pyarrow.table(self)
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """The rows as a ``pandas.DataFrame``."""
-        return self.to_arrow().to_pandas()
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +129,8 @@ class StoredScene:
 
 
 class Dataset:
-    """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``), whose rows are read
-    on request. Pickle opens it again. Raises InputError if there is none, IncompleteError if shards are missing,
-    DataError if it is visibly damaged.
+    """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``), whose rows are read on request.
+    Raises InputError if there is none, IncompleteError if shards are missing, DataError if it is visibly damaged.
 
     Attributes:
         id: SHA-256 of its ``meta/info.json``; copies of a dataset have the same id.

@@ -9,13 +9,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import _arrays, _native
 from ._robots import Floats, GripperModel
@@ -50,8 +48,7 @@ THIN_M = 0.0005
 
 @dataclass(frozen=True, eq=False)
 class GripperBoxes:
-    """The three boxes of a gripper around the geometry of a description, open. Lengths that are not listed are those of
-    :class:`Gripper`.
+    """The boxes of a gripper around the geometry of a description, open. Lengths that are not listed are :class:`Gripper`'s.
 
     Attributes:
         opening_m_min: Distance of the inner faces with the joints at their other limit.
@@ -140,23 +137,22 @@ def _vector(turn: Floats) -> Floats:
     return np.asarray(axis * (np.arctan2(sine, np.trace(turn) - 1) / max(sine, 1e-12)))
 
 
-def _most(lengths: Floats, some: NDArray[np.intp]) -> NDArray[np.intp]:
-    return np.asarray(some[lengths[some] > lengths[some].max() - PAD_M])
-
-
 class _Hand:
     # The parts of a gripper while its joints go from where it is closed (0) to where its tips are furthest apart (1), in the
     # grasp frame: z, the approach, is from the palm to the tips, and y the way of the second finger against the first.
     def __init__(self, gripper: GripperModel) -> None:
-        self.gripper, self.turn, self.origin, self.states = gripper, np.eye(3), np.zeros(3), np.array(gripper.corners())
+        self.gripper, self.frame, self.states = gripper, np.eye(4), np.array(gripper.corners())
         ends = [gripper.shapes(state) for state in self.states]
         still = [shape for shape, geom in zip(ends[0], gripper.geoms) if not gripper.moves(gripper.model.geom_bodyid[geom])]
         palm = _around(np.concatenate(still)).mean(axis=0) if still else np.zeros(3)
         # Points of what stands still, and of each jaw what moves furthest, and of that what is furthest from the palm.
         near = np.concatenate([part for shape in still for part in (*shape.swapaxes(0, 1), shape.mean(axis=1))] or [palm[None]])
         first, last = ({side: self.of(ends[end], side).reshape(-1, 3) for side in gripper.moving} for end in (0, -1))
-        far = {side: _most(np.linalg.norm(last[side] - first[side], axis=1), np.arange(len(first[side]))) for side in first}
-        far = {side: _most(np.linalg.norm(first[side] - palm, axis=1), some) for side, some in far.items()}
+        far = {}
+        for side, points in first.items():
+            moved = np.linalg.norm(last[side] - points, axis=1)
+            away = np.where(moved > moved.max() - PAD_M, np.linalg.norm(points - palm, axis=1), -np.inf)
+            far[side] = away > away.max() - PAD_M
 
         def tips(shapes: list[Floats]) -> list[Floats]:
             return [_around(self.of(shapes, side).reshape(-1, 3)[far[side]]).mean(axis=0) for side in gripper.moving]
@@ -168,7 +164,7 @@ class _Hand:
         y = _along(np.sum([(2 * side - 1) * way for side, way in zip(gripper.moving, after - before)], axis=0))
         towards = _around(before).mean(axis=0) - palm
         z = _along(towards - y * (y @ towards))
-        self.turn = np.stack([np.cross(y, z), y, z], axis=1)
+        self.frame[:3, :3] = np.stack([np.cross(y, z), y, z], axis=1)
         turns = (np.linalg.norm(_vector(self.moved(side, 1.0, 0.0)[:3, :3])) for side in gripper.moving)
         self.is_turning = len(gripper.moving) == 1 or max(turns) > TURN_RAD
         self.fixed = next((side for side in (0, 1) if side not in gripper.moving), None)
@@ -187,14 +183,10 @@ class _Hand:
         return np.array([np.interp(share, rows, column) for column in self.states.T])
 
     def shapes(self, share: float) -> list[Floats]:
-        return [(shape - self.origin) @ self.turn for shape in self.gripper.shapes(self.at(share))]
+        return [(shape - self.frame[:3, 3]) @ self.frame[:3, :3] for shape in self.gripper.shapes(self.at(share))]
 
     def side(self, shapes: list[Floats], side: int) -> Floats:
         return self.of(shapes, *((side,) if side in self.gripper.moving else (side, None)))
-
-    @property
-    def frame(self) -> Floats:
-        return np.block([[self.turn, self.origin[:, None]], [np.zeros(3), 1.0]])
 
     def moved(self, side: int, start: float, end: float) -> Floats:
         # How a finger moves between two places, in the grasp frame.
@@ -215,7 +207,7 @@ class _Hand:
         if not self.is_turning:
             both = self.of(self.shapes(best), 0, 1)
             origin[[0, 2]] = (both[..., 0].max() + both[..., 0].min()) / 2, both[..., 2].max()
-        self.origin = self.turn @ origin
+        self.frame[:3, 3] = self.frame[:3, :3] @ origin
         return best, opening, min((one for one, _ in found.values() if np.isfinite(one)), default=0.0)
 
 
@@ -289,9 +281,8 @@ def from_description(
     if ways and least > BESIDE_M:
         gripper.notes.append(f"within their limits the jaws come no nearer than {1e3 * least:.1f} mm; in the file they close")
     # Outwards to tenths of a millimetre.
-    told: dict[str, Any] = {
-        key: float((np.floor if key == "opening_m_max" else np.ceil)(round(value * 1e4, 2)) / 1e4) for key, value in zip(LENGTHS, (opening, *sizes))
-    }
+    tenths = zip(LENGTHS, (round(value * 1e4, 2) for value in (opening, *sizes)))
+    told: dict[str, Any] = {key: float((np.floor if key == "opening_m_max" else np.ceil)(value) / 1e4) for key, value in tenths}
     is_known = gripper.flange is not None or not any(gripper.model.body_jntnum[body] for body in gripper.way(gripper.root))
     told["flange_from_grasp"] = np.linalg.inv(gripper.pose(hand.at(best), gripper.flange or 0)) @ hand.frame if is_known else None
     told |= {"opening_m_min": max(0.0, least), "triangles": everything, "jaws": tuple(ways), "joint": joint}
@@ -414,14 +405,6 @@ def _said(boxes: GripperBoxes) -> str:
     rows = [f"{key:<20}{1e3 * getattr(boxes, key):>8.1f} mm" for key in ("opening_m_min", *LENGTHS[:7])]
     rows.append(f"flange_from_grasp   {'not known: give --flange' if flange is None else (1e3 * flange[:3, 3]).round(1).tolist()}")
     return "\n".join([*rows, *boxes.notes])
-
-
-def __getattr__(name: str) -> Any:
-    """The former name of :class:`GripperBoxes`, for one more version."""
-    if name != "HandBoxes":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warnings.warn("HandBoxes is GripperBoxes now", DeprecationWarning, stacklevel=2)
-    return GripperBoxes
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -48,8 +48,7 @@ class ObjectGrasps:
         contacts_m: ``[N, 2, 3]``, where the left (−y) and the right finger press, and ``normals``, the object's outward ones there.
         closing_moved_m: ``[N]``, how far the centre of mass moved (ACRONYM's may be the frame's origin) while the gripper closed, and
             ``closing_turned_rad``, how far the object turned.
-        test_moved_m: ``[N]``, how far it was moved in the gripper at the end of the test, and ``test_turned_rad``, how far it was
-            turned; of several loads the largest.
+        test_moved_m: ``[N]``, how far the test moved it in the gripper, and ``test_turned_rad``, turned it; the most of several loads.
         friction_min: ``[N]``, the smallest friction coefficient at which the grip bears its weight in six directions.
         tug_max_g: ``[N]``, the strongest pull that it bears in six directions, in g.
         p_held: ``[N]``, the share of its repeats, with errors of pose, friction, mass and force, that held.

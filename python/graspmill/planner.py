@@ -94,15 +94,10 @@ def _planned(begin: Callable[..., _native.Plan | _native.Planning], *observation
     planning = begin(*observation)
     if isinstance(planning, _native.Plan):
         return Plan._of(planning)
-    accept, accept_batch = observation[-1]["accept"], observation[-1]["accept_batch"]
     try:
         step = planning.next(None)
         while not isinstance(step, _native.Plan):
-            poses = _arrays.matrices(step)
-            if accept_batch is None:
-                step = planning.next([_is_accepted(accept(pose)) for pose in poses])
-            else:
-                step = planning.next(_accepted(accept_batch(poses), len(poses)))
+            step = planning.next(_accepted(_arrays.matrices(step), **observation[-1]))
     finally:
         planning.leave()
     return Plan._of(step)
@@ -197,17 +192,13 @@ class Planner(Immutable):
         return _planned(self._native.plan_tsdf, values.ravel(), request)
 
 
-def _is_accepted(value: Any) -> bool:
-    array = _arrays.given("what accept returns", value)
-    if array.dtype.kind != "b" or array.ndim:
-        raise TypeError(f"accept must return True or False, got {_arrays.shown(value)}")
-    return bool(array)
-
-
-def _accepted(value: Any, count: int) -> list[bool]:
-    array = _arrays.given("what accept_batch returns", value)
-    is_fit = array.dtype.kind == "b" and array.shape == (count,)
-    _arrays.must(is_fit, f"what accept_batch returns must be bool [{count}], got {_arrays.kind(array)}")
+def _accepted(poses: NDArray[np.float64], accept: Any, accept_batch: Any, **_: Any) -> list[bool]:
+    told = [accept(pose) for pose in poses] if accept_batch is None else accept_batch(poses)
+    array = _arrays.given(f"what accept{'_batch' * (accept is None)} returns", told)
+    is_fit = array.dtype.kind == "b" and array.shape == (len(poses),)
+    if not is_fit and accept is not None:
+        raise TypeError(f"accept must return True or False, got {_arrays.shown(told)}")
+    _arrays.must(is_fit, f"what accept_batch returns must be bool [{len(poses)}], got {_arrays.kind(array)}")
     return [bool(one) for one in array]
 
 
@@ -231,10 +222,8 @@ def _encoded(name: str, value: Any) -> Any:
         if name == "reach":
             return dict(zip(("low_m", "high_m"), numbers))
         return {"quaternion_xyzw": numbers} if name == "workspace_from_wrist" else numbers
-    if name in ("check_collisions", "each", "explain"):
-        return _arrays.flag(name, value)
-    if name == "policy":
-        return _arrays.text(name, value)
+    if name in ("check_collisions", "each", "explain", "policy"):
+        return _arrays.text(name, value) if name == "policy" else _arrays.flag(name, value)
     if name == "grasps_max":
         return _arrays.whole(name, value, -(2**63), 2**63)
     return _arrays.number(name, value, -math.inf, math.inf)
@@ -246,14 +235,9 @@ def _parts(pose: list[float]) -> dict[str, list[float]]:
 
 def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[np.bool_] | None]:
     _arrays.must(len(masks) == len(images), f"there must be as many masks as depth images, {len(images)}, got {len(masks)}")
-    fitting: list[NDArray[np.bool_] | None] = []
-    for number, (mask, image) in enumerate(zip(masks, images)):
-        if mask is None:
-            fitting.append(None)
-            continue
-        array = _arrays.given(f"mask {number}", mask)
-        is_fit = array.dtype.kind in "bu" and array.shape == image.shape
-        _arrays.must(is_fit, f"mask {number} must be bool or uint8 of its image's shape, {list(image.shape)}, got {_arrays.kind(array)}")
-        fitting.append(np.ascontiguousarray(array != 0))
-    _arrays.must(any(mask is not None for mask in fitting), "at least one image must have a mask, got none")
-    return fitting
+    _arrays.must(any(mask is not None for mask in masks), "at least one image must have a mask, got none")
+    fitting = [None if mask is None else _arrays.given(f"mask {number}", mask) for number, mask in enumerate(masks)]
+    for number, (array, image) in enumerate(zip(fitting, images)):
+        is_fit = array is None or (array.dtype.kind in "bu" and array.shape == image.shape)
+        _arrays.must(is_fit, f"mask {number} must be bool or uint8 of its image's shape, {list(image.shape)}, got {_arrays.kind(np.asarray(array))}")
+    return [None if array is None else np.ascontiguousarray(array != 0) for array in fitting]

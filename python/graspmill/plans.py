@@ -80,8 +80,7 @@ class Grasp:
 
 
 class Plan(Immutable, Sequence[Grasp]):
-    """Ranked grasps, best first; a sequence of :class:`Grasp`. If it is empty, ``reason`` says why. ``timings_ms`` has the
-    milliseconds of each stage."""
+    """Ranked grasps, best first: a sequence of :class:`Grasp`. ``reason`` says why it is empty, ``timings_ms`` how long stages took."""
 
     _text: str
     timings_ms: dict[str, float]
@@ -202,8 +201,7 @@ class Plan(Immutable, Sequence[Grasp]):
         return Page(self._source.page(_arrays.text("title", title)))
 
     def save(self, path: str | os.PathLike[str], format: PlanFileFormat | None = None, **options: Unpack[PlanFileOptions]) -> Path:
-        """Writes the grasps to a file for robots, with :class:`PlanFileOptions`, and returns its path. An existing file stays until
-        it is replaced by the whole one.
+        """Writes a file for robots, with :class:`PlanFileOptions`, and returns its path. An old one stays until the new one is whole.
 
         Args:
             format: ``"isaac_grasp"`` (by default for .yaml), ``"graspnet"`` (.npy), or ``"moveit"`` (needs PyYAML): the messages of

@@ -104,15 +104,12 @@ class Object(Immutable):
         cls, mesh: Any, pose: ArrayLike, *, name: str = "mesh", mass_kg: float | None = None, friction: float = 1.0,
         parts_max: int = 1024, corners_max: int = 32, tolerance_m: float = 0.0008,
     ) -> Object:  # fmt: skip
-        """A triangle mesh, which cameras see, and the convex parts of it that physics uses. Mass and friction are those of
-        :meth:`solid`.
+        """A triangle mesh, which cameras see, and its convex parts, which physics uses. Mass and friction are as for :meth:`solid`.
 
         Args:
-            mesh: ``(vertices, faces)`` of shapes ``[V, 3]`` (metres) and ``[F, 3]``, or an object that has them, such
-                as a ``trimesh.Trimesh``.
+            mesh: ``(vertices, faces)`` of shapes ``[V, 3]`` (metres) and ``[F, 3]``, or what has them, as a ``trimesh.Trimesh``.
             pose: ``workspace_from_mesh``: the pose of the mesh's own frame.
-            parts_max: The largest number of convex parts, 1 to 1024 (1: it is its hull, also for cameras), and ``corners_max``
-                of corners of a part, 8 to 256.
+            parts_max: Most convex parts, 1 to 1024 (1: its hull, also for cameras), and ``corners_max`` corners of each, 8 to 256.
             tolerance_m: The mesh is cut until its parts leave its surface by no more than this; of 2 mm it is warned.
         """
         with _arrays.read_as("mesh must be (vertices, faces), or have these attributes", type(mesh)):
@@ -229,8 +226,7 @@ class Scene(Immutable):
         return None if plain is None else Container._of(plain)
 
     def settle(self, *, drop: bool = False, settings: Mapping[str, Any] | None = None) -> Scene:
-        """The scene at rest, after simulation. Objects that leave the workspace are removed; those that overlap at the start may
-        stay interpenetrating.
+        """The scene at rest, after simulation. Objects that leave the workspace are removed; those that overlap at first may stay so.
 
         Args:
             drop: Whether they fall one after the other into a box around the workspace, as in generated piles, or all at once.

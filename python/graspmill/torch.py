@@ -1,5 +1,4 @@
-"""Datasets, the paper's network and the judge for PyTorch (``pip install graspmill[torch]``), with the trainer's
-samples and its split."""
+"""Datasets, the paper's network and the judge for PyTorch (``pip install graspmill[torch]``): the trainer's samples and split."""
 
 from __future__ import annotations
 
@@ -111,10 +110,10 @@ class _Samples:
 
 
 class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
-    """Batches in a shuffled or the stored order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``.
+    """Batches in a shuffled or the stored order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``. ``sample_count`` is
+    the number of samples in the split, of all ranks.
 
-    Each worker reads blocks of 64 scenes in an order that depends on the seed, the epoch and the number of workers alone, and
-    shuffles scenes in a buffer.
+    Each worker reads blocks of 64 scenes in an order of the seed, the epoch and the number of workers, and shuffles them in a buffer.
 
     **Several ranks.** Where ``torch.distributed`` is initialised, or with ``rank`` and ``world_size``, an epoch has every sample
     once over all ranks, and every rank has the same number of steps: batches differ by a sample or so, and their ``share`` says how
@@ -146,6 +145,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         global_batch: bool = False,
     ) -> None:  # fmt: skip
         self._samples = _Samples(path, split, by, test_share, other_share, seed, self._has_crops, origin_behind_tips_m)
+        self.sample_count = len(self._samples)
         self.batch = _arrays.whole("batch", batch, 1, 1_000_000)
         together = min(8, self.batch) if samples_per_scene is None else samples_per_scene
         self.samples_per_scene = _arrays.whole("samples_per_scene", together, 1, self.batch)
@@ -188,11 +188,6 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         self.__dict__.update(state)
         # A copy that is no worker's has memory of its own.
         self._owner = self._owner if self._shared.is_shared() else None
-
-    @property
-    def sample_count(self) -> int:
-        """Number of samples in the split, of all ranks."""
-        return len(self._samples)
 
     def steps(self, workers: int = 0) -> int:
         """Number of steps of the epoch with so many workers; it is the same on every rank."""

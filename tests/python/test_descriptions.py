@@ -12,7 +12,6 @@ from grasp_sets import BOX_MESH, box_obj, graspmill, refused
 
 pytest.importorskip("mujoco")
 
-from graspmill import descriptions  # noqa: E402
 from graspmill.descriptions import from_description, main  # noqa: E402
 from graspmill.grippers import lines  # noqa: E402
 from programs import ran  # noqa: E402
@@ -285,10 +284,3 @@ def test_the_command_writes_a_file(tmp_path):
     loaded = graspmill.Gripper.load(tmp_path / "mine.toml")
     assert np.isclose(loaded.finger_thickness_m, 0.008, atol=2e-4) and np.allclose(loaded.flange_from_grasp[:3, 3], [0, 0, 0.1], atol=1e-5)
     assert "--out needs --mass, --force and --speed" in ran(*words, cwd=tmp_path, code=78).stderr
-
-
-def test_the_former_name_of_the_boxes_is_deprecated():
-    with pytest.warns(DeprecationWarning, match="HandBoxes is GripperBoxes now"):
-        assert descriptions.HandBoxes is descriptions.GripperBoxes
-    with pytest.raises(AttributeError, match="no attribute 'HandBox'"):
-        descriptions.HandBox  # noqa: B018

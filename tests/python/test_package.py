@@ -168,14 +168,14 @@ def test_threads_share_a_planner(planner, dataset):
 
 
 def test_tables_are_arrow_streams(dataset):
-    polars = pytest.importorskip("polars")
-    attempts, scenes = dataset.attempts().to_polars(), dataset.scenes(grids=True).to_polars()
+    polars, pyarrow = pytest.importorskip("polars"), pytest.importorskip("pyarrow")
+    attempts, scenes = polars.DataFrame(dataset.attempts()), polars.DataFrame(dataset.scenes(grids=True))
     assert len(attempts) == dataset.attempt_count == 600 and attempts["label"].sum() == dataset.positive_count
     assert len(scenes) == dataset.scene_count and "tsdf" in scenes.columns
-    assert "tsdf" not in dataset.scenes().to_arrow().column_names
+    assert "tsdf" not in pyarrow.table(dataset.scenes()).column_names
     direct = polars.read_parquet(f"{dataset._native.location}/attempts/*.parquet")
     assert attempts.equals(direct)
-    assert len(dataset.attempts(range(1, 2)).to_arrow()) == 300
+    assert len(pyarrow.table(dataset.attempts(range(1, 2)))) == 300
 
 
 def test_a_dataset_goes_on_where_it_was_stopped_and_is_that_of_the_program(tmp_path):
@@ -236,14 +236,14 @@ def in_a_child(work):
 
 
 def test_what_shares_work_does_so_in_a_forked_process_too(dataset):
-    camera, stored = graspmill.Camera.look_at((0.15, 0.15, 0.6)), dataset[3]
+    camera, stored, pyarrow = graspmill.Camera.look_at((0.15, 0.15, 0.6)), dataset[3], pytest.importorskip("pyarrow")
 
     def done():
         depth = scene.render(camera)
         plans = [graspmill.Planner(config).plan(depth, camera).to_json() for config in ("judge", "paper", "vgn")]
         crops = graspmill.grasp_crops(stored.tsdf, stored.workspace_from_grasp)
         held = graspmill.execute(stored.scene, stored.workspace_from_grasp).held.sum()
-        rows = len(graspmill.Dataset(DATASET).attempts().to_arrow())
+        rows = len(pyarrow.table(graspmill.Dataset(DATASET).attempts()))
         return plans, len(stored.replay(0).html), graspmill.tsdf([depth], [camera]).sum(), crops.crop.sum(), held, rows
 
     # First in the parent, whose threads the child does not have.

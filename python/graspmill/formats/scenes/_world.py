@@ -83,9 +83,8 @@ class Body(Still):
 class World:
     """A scene of a dataset: ``plain``, the content of ``scene.json``; the ``objects``; the table and the container, if there is
     one, which stand ``still``; the ``gripper_parts``, palm and fingers in the grasp frame; the ``gripper``'s numbers, the way
-    ``stroke_m`` of a finger and its force over its speed, ``damping``; half of the workspace's side, ``middle_m``; poses
-    ``[7]`` of the ``cameras`` in the axes of OpenGL, USD and MuJoCo (x right, y up, z backwards); and their ``lens``: width,
-    height, fx, fy, cx, cy in pixels."""
+    ``stroke_m`` of a finger and its force over its speed, ``damping``; half of the workspace's side, ``middle_m``; poses ``[7]`` of
+    the ``cameras`` in OpenGL's axes (x right, y up, z backwards); and their ``lens``: width, height, fx, fy, cx, cy in pixels."""
 
     def __init__(self, dataset: _native.Dataset, info: dict[str, Any], scene_id: int) -> None:
         scene, simulation, self.rows = dataset.scene(scene_id)
@@ -141,12 +140,10 @@ class World:
         return {"name": f"camera_{number}", "workspace_from_camera": pose, **lens, "vertical_field_of_view_rad": self.field_of_view_rad()}
 
     def _attempts(self) -> list[dict[str, Any]]:
-        keys, rows = ("attempt_id", "object", "workspace_from_grasp", "outcome", "width_m"), []
-        columns = (self.rows[key] for key in ("target", "workspace_from_grasp", "outcome", "width_m"))
-        for number, (target, pose, outcome, width_m) in enumerate(zip(*columns)):
-            row = (number, f"object_{target}", pose, OUTCOMES[outcome], width_m if width_m == width_m else None)
-            rows.append(dict(zip(keys, row)))
-        return rows
+        keys = ("attempt_id", "object", "workspace_from_grasp", "outcome", "width_m")
+        rows = enumerate(zip(*(self.rows[key] for key in ("target", *keys[2:]))))
+        told = ((number, f"object_{of}", pose, OUTCOMES[end], width if width == width else None) for number, (of, pose, end, width) in rows)
+        return [dict(zip(keys, row)) for row in told]
 
 
 def _hull(plain: tuple[list[list[float]], list[list[int]]]) -> Hull:

@@ -2,8 +2,7 @@
 
 ``table.urdf`` and ``container.urdf`` are in the workspace's frame and stand still. URDF has no place for poses:
 ``object_N.urdf`` goes to the pose ``workspace_from_object`` of ``scene.json``, ``hand.urdf`` to a
-``workspace_from_grasp``. ``contact`` is not of URDF's standard: Bullet and what descends from it read the friction
-there, others ignore it.
+``workspace_from_grasp``. ``contact`` is not of URDF's standard: Bullet reads the friction there, others ignore it.
 """
 
 from .._files import joined, number

@@ -1,8 +1,7 @@
 """Scenes for Isaac Sim and others: USD as text, with UsdPhysics.
 
 ``scene.usda`` is a stage: metres, kilograms, z up. ``hand.usda`` is the gripper, in its grasp frame. How two frictions
-combine is not a matter of UsdPhysics, but of the engine; ``physxMaterial:frictionCombineMode`` asks PhysX for our
-product.
+combine is a matter of the engine; ``physxMaterial:frictionCombineMode`` asks PhysX for our product.
 """
 
 from typing import Any, Iterable

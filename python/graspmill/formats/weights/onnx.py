@@ -27,23 +27,20 @@ VOXEL, CLOSINGS, JUDGE = "vgn-conv-40", "closings-conv-40", "hand-judge-1"
 OUTPUTS = {VOXEL: {"quality": 1, "rotation": 4, "width": 1}, CLOSINGS: {"quality_logit": 3, "approach": 3, "turns": 15, "width": 3, "tips": 3}}
 DOCS = {
     VOXEL: (
-        "Volumetric grasp network. In: tsdf [batch, 1, 40, 40, 40], truncated signed distances in VGN's values ((d + 1) / 2 in "
-        "[0, 1], 0 where nothing was seen), axes x, y, z of the workspace. Out, for every voxel: quality [batch, 1, ...], the "
-        "chance that a grasp there holds; rotation [batch, 4, ...], the gripper's orientation in the workspace as a unit quaternion "
-        "x, y, z, w; width [batch, 1, ...], the opening in voxels."
+        "Volumetric grasp network. In: tsdf [batch, 1, 40, 40, 40] (x, y, z), truncated distances in VGN's values, (d + 1) / 2, 0 where "
+        "nothing was seen. Out, for every voxel: quality [batch, 1, ...], the chance that a grasp there holds; rotation [batch, 4, ...], "
+        "the gripper's in the workspace as a unit quaternion x, y, z, w; width [batch, 1, ...], the opening in voxels."
     ),
     CLOSINGS: (
-        "Volumetric grasp network with a head by closing direction. In: tsdf as of the paper's network. Out, for every voxel: "
-        "approach [batch, 3, ...], the gripper's direction as a unit vector; turns [batch, 15, ...], how likely it holds closed along "
-        "each of 15 directions over half a turn about the approach; quality_logit and width (voxels), each [batch, 3, ...] as a, "
-        "b, c of a + b cos 2t + c sin 2t at turn t; tips [batch, 3, ...], the point between the finger tips from the middle of "
-        "the voxel, in voxels. graspmill.torch has the decoder."
+        "Volumetric grasp network with a head by closing direction. In: tsdf as of the paper's network. Out, for every voxel: approach "
+        "[batch, 3, ...], a unit vector; turns [batch, 15, ...], how likely it holds closed along each of 15 directions over half a turn "
+        "about the approach; quality_logit and width (voxels), each [batch, 3, ...] as a, b, c of a + b cos 2t + c sin 2t at turn t; tips "
+        "[batch, 3, ...], the point between the finger tips from the voxel's middle, in voxels. graspmill.torch has the decoder."
     ),
     JUDGE: (
-        "A judge of grasps. In: crop [batch, 4, 8, 20, 28] and surroundings [batch, 3, 12, 8, 8], the TSDF in the grasp's frame, and "
-        "facts [batch, 16], as scripts/judge_onnx.py computes them. Out: outcomes [batch, 6], the probabilities of "
-        "pregrasp_collision, approach_collision, empty, slipped, hit_other and held; and where it learned from repeated attempts "
-        "robustness [batch, 1], the share of a held grasp's repeats that hold."
+        "A judge of grasps. In: crop [batch, 4, 8, 20, 28], surroundings [batch, 3, 12, 8, 8] and facts [batch, 16], as scripts/judge_onnx.py "
+        "computes them. Out: outcomes [batch, 6], the probabilities of pregrasp_collision, approach_collision, empty, slipped, hit_other and "
+        "held; and where it learned from repeated attempts robustness [batch, 1], the share of a held grasp's repeats that hold."
     ),
 }
 
