@@ -237,12 +237,7 @@ def bound(path):
 
 #: What may stand in a file's place.
 MAKERS = {
-    "fifo": os.mkfifo,
-    "socket": bound,
-    "zero": lambda path: path.symlink_to("/dev/zero"),
-    "loop": lambda path: path.symlink_to(path.name),
-    "folder": Path.mkdir,
-    "sparse": lambda path: (path.touch(), os.truncate(path, 1 << 40)),
-    "gone": lambda path: None,
+    "fifo": os.mkfifo, "socket": bound, "zero": lambda path: path.symlink_to("/dev/zero"), "loop": lambda path: path.symlink_to(path.name),
+    "folder": Path.mkdir, "sparse": lambda path: (path.touch(), os.truncate(path, 1 << 40)), "gone": lambda path: None,
     "binary": lambda path: path.write_bytes(os.urandom(100_000)),
-}
+}  # fmt: skip

@@ -172,14 +172,12 @@ def test_what_is_wrong_is_named(tmp_path):
         ("shares must not all be 0", lambda: graspmill.annotate(BOX, shares=(0, 0, 0))),
         ("touch_m must be", lambda: graspmill.annotate(BOX, touch_m=0.1)),
         ("scale goes with a file", lambda: graspmill.annotate(BOX, scale=1.0)),
-        ("scale goes with a file", lambda: graspmill.annotate(BOX_MESH, scale=1.0)),
-        ("mesh must be", lambda: graspmill.annotate(7)),
+        ("scale goes with a file", lambda: graspmill.annotate(BOX_MESH, scale=1.0)), ("mesh must be", lambda: graspmill.annotate(7)),
         ("metres", lambda: graspmill.annotate((1000.0 * BOX_MESH[0], BOX_MESH[1]))),
-        ("given", lambda: graspmill.annotate(BOX, given=np.zeros((2, 4, 4)))),
-        ("claw", lambda: graspmill.annotate(BOX, gripper="claw")),
+        ("given", lambda: graspmill.annotate(BOX, given=np.zeros((2, 4, 4)))), ("claw", lambda: graspmill.annotate(BOX, gripper="claw")),
         ("gone.obj", lambda: graspmill.annotate(tmp_path / "gone.obj")),
         ("progress must be a function", lambda: graspmill.annotate(BOX, progress=7)),
-    ):
+    ):  # fmt: skip
         with pytest.raises((graspmill.InputError, graspmill.OutsideError, graspmill.DataError), match=expected):
             call()
 

@@ -62,15 +62,12 @@ def test_the_manifest_is_right_and_a_broken_one_is_refused():
     assert problems(SERVICE, JOB) == []
     pod, box = "spec.template.spec", "spec.template.spec.containers.0"
     for path, value, text in [
-        ("spec.paralelism", 2, "paralelism"),
-        ("spec.completions", 3, "--nnodes"),
-        (f"{pod}.subdomain", "train", "--rdzv-endpoint"),
+        ("spec.paralelism", 2, "paralelism"), ("spec.completions", 3, "--nnodes"), (f"{pod}.subdomain", "train", "--rdzv-endpoint"),
         (f"{pod}.volumes.1", ..., "/dev/shm"),
         (f"{pod}.volumes.2", {"name": "runs", "emptyDir": {"sizeLimit": "1Gi"}}, "a volume that stays"),
-        (f"{box}.args.5", "--max-restart=20", "options of the launcher"),
-        (f"{box}.args.10", ..., "flags of train_ddp.py"),
+        (f"{box}.args.5", "--max-restart=20", "options of the launcher"), (f"{box}.args.10", ..., "flags of train_ddp.py"),
         (f"{box}.env.2.value", "/root", "HOME must be"),
-    ]:
+    ]:  # fmt: skip
         found = problems(SERVICE, changed(JOB, path, value), VERSIONS[:1])
         assert any(text in problem for problem in found), (path, found)
     assert "selector" in problems(changed(SERVICE, "spec.selector", {"job-name": "train"}), JOB, VERSIONS[:1])

@@ -81,16 +81,9 @@ def test_killed_at_every_system_call(two, tmp_path, factor):
 # The n-th call of its kind fails instead, like a failing disk or a network file system without its server. `unlink` may
 # leave a staging file.
 ERRORS = {
-    "fsync": ["EIO"],
-    "mkdir": ["EIO"],
-    "rename": ["EIO", "ESTALE"],
-    "renameat2": ["EIO", "ESTALE", "EINVAL"],
-    "linkat": ["EIO", "ESTALE", "EPERM", "EDQUOT"],
-    "unlink": ["EIO"],
-    "unlinkat": ["EIO"],
-    "getdents64": ["EIO"],
-    "statx": ["ESTALE"],
-}
+    "fsync": ["EIO"], "mkdir": ["EIO"], "rename": ["EIO", "ESTALE"], "renameat2": ["EIO", "ESTALE", "EINVAL"],
+    "linkat": ["EIO", "ESTALE", "EPERM", "EDQUOT"], "unlink": ["EIO"], "unlinkat": ["EIO"], "getdents64": ["EIO"], "statx": ["ESTALE"],
+}  # fmt: skip
 MAY_LEAVE = ("unlink", "unlinkat", "statx")
 
 

@@ -117,21 +117,17 @@ def test_a_planner_is_told_each_object_and_the_rest(tmp_path):
 
 def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path):
     answers = [
-        ((500, b'{"detail": {"error": "internal_error"}}'), "status 500: {"),
-        (b"nonsense", "an answer must be the contract's"),
+        ((500, b'{"detail": {"error": "internal_error"}}'), "status 500: {"), (b"nonsense", "an answer must be the contract's"),
         (b'{"grasps": 7}', "an answer must be the contract's"),
         (grasps(DOWN | {"rotation_matrix": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}), "must have a rotation"),
         (grasps(DOWN | {"rotation_matrix": [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]}), "must have a rotation"),
         (grasps(DOWN | {"translation": ["0", 0, 0]}), "an answer must be the contract's"),
-        (b"[" * 100_000, "an answer must be the contract's"),
-        (grasps(DOWN | {"score": 1e39}), "finite in single precision"),
-        (grasps(DOWN | {"gripper_width": float("inf")}), "finite in single precision"),
-        (b" " * ((64 << 20) + 1), "at most 67108864 bytes"),
+        (b"[" * 100_000, "an answer must be the contract's"), (grasps(DOWN | {"score": 1e39}), "finite in single precision"),
+        (grasps(DOWN | {"gripper_width": float("inf")}), "finite in single precision"), (b" " * ((64 << 20) + 1), "at most 67108864 bytes"),
         ((307, b"elsewhere"), "status 307: elsewhere"),
         ((308, b"there", "http://127.0.0.1:1/predict"), "status 308, moved to http://127.0.0.1:1/predict: give that address: there"),
-        (BROKEN, "IncompleteRead"),
-        (None, "no answer in time"),
-    ]
+        (BROKEN, "IncompleteRead"), (None, "no answer in time"),
+    ]  # fmt: skip
     given = iter(answers)
     with planner(lambda _: next(given)[0], {"fingertip_depth": 0.1}) as (url, _):
         told = run(tmp_path / "run", "--planner", url, "--planner-timeout-s", "1", rounds=len(answers)).stdout

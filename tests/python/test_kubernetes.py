@@ -135,24 +135,16 @@ BOX = f"{POD}.containers.0"
 
 def test_broken_manifests_are_refused():
     for path, value, text in [
-        ("spec.backoffLimitPerIndx", 3, "backoffLimitPerIndx"),
-        ("spec.completions", "64", "is not of type"),
-        ("spec.completionMode", "NonIndexed", "in an Indexed Job only"),
-        ("spec.completions", 100_001, "completions must be between"),
-        ("spec.maxFailedIndexes", 65, "at most completions"),
-        (f"{RULES}.1.onExitCodes.containerName", "main", "containerName"),
-        (f"{RULES}.2.onExitCodes.values", [78, 2], "ordered"),
-        (f"{RULES}.1.onExitCodes.values", [65, 75], "exit codes that end"),
-        (f"{RULES}.1.action", "FailJob", "FailIndex must be for"),
-        (f"{RULES}.0", ..., "ignore DisruptionTarget"),
-        (f"{POD}.volumes.0.emptyDir.sizeLimit", "1 Gi", "no quantity"),
-        (f"{POD}.securityContext.runAsUser", 0, "not root"),
-        (f"{BOX}.env.1.value", "/tmp", "TMPDIR"),
-        (f"{BOX}.image", "registry.example:5000/graspmill", "fixed tag"),
-        (f"{BOX}.args.1", "--shard", "flags"),
-        (f"{BOX}.args.4", "8", "--threads must be"),
+        ("spec.backoffLimitPerIndx", 3, "backoffLimitPerIndx"), ("spec.completions", "64", "is not of type"),
+        ("spec.completionMode", "NonIndexed", "in an Indexed Job only"), ("spec.completions", 100_001, "completions must be between"),
+        ("spec.maxFailedIndexes", 65, "at most completions"), (f"{RULES}.1.onExitCodes.containerName", "main", "containerName"),
+        (f"{RULES}.2.onExitCodes.values", [78, 2], "ordered"), (f"{RULES}.1.onExitCodes.values", [65, 75], "exit codes that end"),
+        (f"{RULES}.1.action", "FailJob", "FailIndex must be for"), (f"{RULES}.0", ..., "ignore DisruptionTarget"),
+        (f"{POD}.volumes.0.emptyDir.sizeLimit", "1 Gi", "no quantity"), (f"{POD}.securityContext.runAsUser", 0, "not root"),
+        (f"{BOX}.env.1.value", "/tmp", "TMPDIR"), (f"{BOX}.image", "registry.example:5000/graspmill", "fixed tag"),
+        (f"{BOX}.args.1", "--shard", "flags"), (f"{BOX}.args.4", "8", "--threads must be"),
         ("spec.completions", 63, "--shards, --task must be completions"),
-    ]:
+    ]:  # fmt: skip
         found = problems(changed(JOBS["kubernetes.yaml"], path, value), VERSIONS[:1])
         assert any(text in problem for problem in found), (path, value, found)
 

@@ -28,16 +28,11 @@ MEMORY_BYTES = 2 << 30
 CODES = {0, 65, 69, 75, 78}  # 75: a special file cannot be read
 TEXT = {ord(letter) for letter in "\n\t"}
 COMMANDS = [
-    "graspmill dataset verify {data}",
-    "graspmill dataset report {data}",
-    "graspmill dataset report {data} --html {out}/report.html",
-    "graspmill dataset browse {data} --scene 2 --scene 7 --no-replays --out {out}/pages",
-    "generator repeat {data}",
-    "generator replay {data} --attempt 7/3",
-    "generator missing {data}",
-    "generator finalize {data}",
+    "graspmill dataset verify {data}", "graspmill dataset report {data}", "graspmill dataset report {data} --html {out}/report.html",
+    "graspmill dataset browse {data} --scene 2 --scene 7 --no-replays --out {out}/pages", "generator repeat {data}",
+    "generator replay {data} --attempt 7/3", "generator missing {data}", "generator finalize {data}",
     "trainer fit --data {data} --config {quick} --epochs 1 --run {out}/run",
-]
+]  # fmt: skip
 #: A mutant meets one of them.
 EXPORTS = [f"graspmill dataset export {{data}} --out {{out}}/export --format {form}" for form in ("vgn", "mjcf --scenes 6")]
 

@@ -15,21 +15,15 @@ def test_damaged_graspgen_files_are_refused(tmp_path):
     path = many(3).save(tmp_path / "set.json")
     whole, bad = json.loads(path.read_text()), np.eye(4).tolist()
     for match, *change in (
-        ("object must be in the file.*set.json", "object"),
-        ("grasps.transforms must be in the file", "grasps.transforms"),
-        ("grasps.object_in_gripper must be in", "grasps.object_in_gripper"),
-        ("object.scale must be a number", "object.scale", None),
-        ("object.file must be a text", "object.file", 3),
-        (r"shape \[N, 4, 4\]", "grasps.transforms", [bad[:3]] * 3),
+        ("object must be in the file.*set.json", "object"), ("grasps.transforms must be in the file", "grasps.transforms"),
+        ("grasps.object_in_gripper must be in", "grasps.object_in_gripper"), ("object.scale must be a number", "object.scale", None),
+        ("object.file must be a text", "object.file", 3), (r"shape \[N, 4, 4\]", "grasps.transforms", [bad[:3]] * 3),
         ("rows of several lengths", "grasps.transforms", [bad, bad[:2]]),
         ("must be finite", "grasps.transforms", np.full((3, 4, 4), np.nan).tolist()),
-        ("reflection", "grasps.transforms", [np.diag([1, 1, -1, 1.0]).tolist()] * 3),
-        (r"shape \[3\]", "grasps.object_in_gripper", [True]),
-        ("true or false", "grasps.object_in_gripper", [0.5, 1, 2]),
-        ("gripper.depth must be between", "gripper.depth", -1),
-        ("base_to_tips_m or gripper must be given", "gripper.depth"),
-        ("grasps must be a mapping", "grasps", []),
-    ):
+        ("reflection", "grasps.transforms", [np.diag([1, 1, -1, 1.0]).tolist()] * 3), (r"shape \[3\]", "grasps.object_in_gripper", [True]),
+        ("true or false", "grasps.object_in_gripper", [0.5, 1, 2]), ("gripper.depth must be between", "gripper.depth", -1),
+        ("base_to_tips_m or gripper must be given", "gripper.depth"), ("grasps must be a mapping", "grasps", []),
+    ):  # fmt: skip
         path.write_text(json.dumps(changed(whole, *change)))
         refused(match, lambda: read_grasps(path))
     path.write_text("[1]")
@@ -44,18 +38,14 @@ def test_damaged_isaac_grasp_files_are_refused(tmp_path):
     path = many(2).save(tmp_path / "set.yaml")
     whole, grasp = yaml.safe_load(path.read_text()), "grasps.grasp_1"
     for match, *change in (
-        ("format must be isaac_grasp, got 'other'", "format", "other"),
-        ("grasps must be in the file", "grasps"),
-        ("grasps must be a mapping", "grasps", None),
-        ("grasp_1.position must be in", f"{grasp}.position"),
+        ("format must be isaac_grasp, got 'other'", "format", "other"), ("grasps must be in the file", "grasps"),
+        ("grasps must be a mapping", "grasps", None), ("grasp_1.position must be in", f"{grasp}.position"),
         ("grasp_1.position must be 3 numbers", f"{grasp}.position", [1.0]),
         ("grasp_1.position must be between -1000 and 1000, got nan", f"{grasp}.position", [1.0, float("nan"), 0.0]),
-        ("orientation.xyz must be in", f"{grasp}.orientation.xyz"),
-        ("quaternions of length 1", f"{grasp}.orientation.w", 3e-1),
+        ("orientation.xyz must be in", f"{grasp}.orientation.xyz"), ("quaternions of length 1", f"{grasp}.orientation.w", 3e-1),
         ("confidence must be a number", f"{grasp}.confidence", "high"),
-        ("cspace_position must be a mapping", f"{grasp}.cspace_position", [1]),
-        ("approach_axis must be 2", "approach_axis", 0),
-    ):
+        ("cspace_position must be a mapping", f"{grasp}.cspace_position", [1]), ("approach_axis must be 2", "approach_axis", 0),
+    ):  # fmt: skip
         path.write_text(yaml.safe_dump(changed(whole, *change)))
         refused(match, lambda: again(path, "isaac_grasp"))
     for text in ("{", "a: [", "x: !!python/object/apply:os.system [ls]", "\x00"):
@@ -67,15 +57,8 @@ def test_damaged_isaac_grasp_files_are_refused(tmp_path):
 
 def test_damaged_arrays_are_refused(tmp_path):
     good = np.load(many(3).save(tmp_path / "good.npy"))
-    for number, (match, array) in enumerate(
-        {
-            r"shape \[N, 17\]": good[:, :16],
-            r"shape \[N, 17\], N": good[0],
-            "must be numbers": good.astype(object),
-            "must be finite": np.where(np.arange(17) == 2, np.nan, good),
-            "must be rigid": good * 2,
-        }.items()
-    ):
+    wrong = {r"shape \[N, 17\]": good[:, :16], r"shape \[N, 17\], N": good[0], "must be numbers": good.astype(object), "must be rigid": good * 2}
+    for number, (match, array) in enumerate({**wrong, "must be finite": np.where(np.arange(17) == 2, np.nan, good)}.items()):
         np.save(tmp_path / f"{number}.npy", array)
         refused(match, lambda: read_grasps(tmp_path / f"{number}.npy"))
     buffer = io.BytesIO()

@@ -222,31 +222,23 @@ def test_a_masked_array_is_refused_and_the_message_says_what_to_do(planner):
 
     tsdf = scene.tsdf([camera])
     for call in (
-        lambda: planner.plan(hidden, camera),
-        lambda: planner.plan([hidden], [camera]),
-        lambda: planner.plan(np.ma.stack([hidden]), [camera]),
-        lambda: planner.plan(image, camera, mask=masked(image > 0.5)),
-        lambda: graspmill.tsdf([hidden], [camera]),
-        lambda: planner.plan_cloud(masked(np.zeros((3, 3)))),
+        lambda: planner.plan(hidden, camera), lambda: planner.plan([hidden], [camera]),
+        lambda: planner.plan(np.ma.stack([hidden]), [camera]), lambda: planner.plan(image, camera, mask=masked(image > 0.5)),
+        lambda: graspmill.tsdf([hidden], [camera]), lambda: planner.plan_cloud(masked(np.zeros((3, 3)))),
         lambda: planner.plan_cloud([masked([0.1, 0.1, 0.1]), [0.1, 0.1, 0.2]]),
-        lambda: planner.plan_cloud(np.zeros((3, 3)), eyes_m=masked(np.ones((1, 3)))),
-        lambda: planner.plan_tsdf(masked(tsdf)),
-        lambda: planner.plan_tsdf(tsdf, avoid=masked([DOWN])),
-        lambda: planner.plan_tsdf(tsdf, keep_out=masked([[0, 0, 1, 0]])),
+        lambda: planner.plan_cloud(np.zeros((3, 3)), eyes_m=masked(np.ones((1, 3)))), lambda: planner.plan_tsdf(masked(tsdf)),
+        lambda: planner.plan_tsdf(tsdf, avoid=masked([DOWN])), lambda: planner.plan_tsdf(tsdf, keep_out=masked([[0, 0, 1, 0]])),
         lambda: planner.plan_tsdf(tsdf, target_m=masked([0.1, 0.1, 0.1])),
-        lambda: planner.plan_tsdf(tsdf, reach=[masked([0, 0, 0]), [0.3, 0.3, 0.3]]),
-        lambda: graspmill.grasp_crops(masked(tsdf), [DOWN]),
-        lambda: graspmill.grasp_crops(tsdf, masked([DOWN])),
-        lambda: graspmill.execute(scene, masked([DOWN])),
-        lambda: graspmill.execute(scene, [DOWN], targets=masked([0])),
-        lambda: graspmill.Object.cuboid(masked([0.1, 0.1, 0.1]), (0, 0, 0)),
+        lambda: planner.plan_tsdf(tsdf, reach=[masked([0, 0, 0]), [0.3, 0.3, 0.3]]), lambda: graspmill.grasp_crops(masked(tsdf), [DOWN]),
+        lambda: graspmill.grasp_crops(tsdf, masked([DOWN])), lambda: graspmill.execute(scene, masked([DOWN])),
+        lambda: graspmill.execute(scene, [DOWN], targets=masked([0])), lambda: graspmill.Object.cuboid(masked([0.1, 0.1, 0.1]), (0, 0, 0)),
         lambda: graspmill.Object.cuboid((0.1, 0.1, 0.1), masked([0, 0, 0])),
         lambda: graspmill.Object.mesh((masked(np.eye(3)), [[0, 1, 2]]), (0, 0, 0)),
         lambda: graspmill.Object.mesh((np.eye(3), masked([[0, 1, 2]])), (0, 0, 0)),
         lambda: graspmill.Camera.from_K(masked(np.diag([500.0, 500.0, 1.0])), (480, 640), (0, 0, 0)),
         lambda: graspmill.Camera.look_at(masked([0.1, 0.1, 0.5])),
         lambda: graspmill.Camera(640, 480, 500, 500, 320, 240, masked(np.eye(4))),
-    ):
+    ):  # fmt: skip
         refused(r"without a mask.*\.filled\(nan\)", call)
     assert len(planner.plan(hidden.filled(np.nan), camera)) >= 0
 
@@ -257,21 +249,14 @@ def test_text_that_cannot_be_written_is_refused(planner, tmp_path):
     tetrahedron = (np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     tsdf = scene.tsdf([camera])
     for call in (
-        lambda: graspmill.Object.mesh(tetrahedron, (0, 0, 0), name=bad),
-        lambda: graspmill.Object.solid(bad, (0.1, 0.1, 0.1), (0, 0, 0)),
-        lambda: graspmill.Gripper(name=bad, **numbers),
-        lambda: graspmill.Gripper.load(bad),
-        lambda: graspmill.Planner(bad),
-        lambda: graspmill.Planner(model=bad),
-        lambda: graspmill.Dataset(bad),
-        lambda: graspmill.generate(bad),
+        lambda: graspmill.Object.mesh(tetrahedron, (0, 0, 0), name=bad), lambda: graspmill.Object.solid(bad, (0.1, 0.1, 0.1), (0, 0, 0)),
+        lambda: graspmill.Gripper(name=bad, **numbers), lambda: graspmill.Gripper.load(bad), lambda: graspmill.Planner(bad),
+        lambda: graspmill.Planner(model=bad), lambda: graspmill.Dataset(bad), lambda: graspmill.generate(bad),
         lambda: graspmill.execute(scene, [DOWN], settings={bad: 1}),
-        lambda: graspmill.execute(scene, [DOWN], settings={"physics.engine": bad}),
-        lambda: planner.plan_tsdf(tsdf, policy=bad),
-        lambda: planner.plan_tsdf(tsdf).page(bad),
-        lambda: graspmill.Page("<p>").save(tmp_path / bad),
+        lambda: graspmill.execute(scene, [DOWN], settings={"physics.engine": bad}), lambda: planner.plan_tsdf(tsdf, policy=bad),
+        lambda: planner.plan_tsdf(tsdf).page(bad), lambda: graspmill.Page("<p>").save(tmp_path / bad),
         lambda: graspmill.Page(bad).save(tmp_path / "page.html"),
-    ):
+    ):  # fmt: skip
         refused("must be", call)
     assert list(tmp_path.iterdir()) == []
 
