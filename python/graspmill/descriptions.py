@@ -32,13 +32,15 @@ BETWEEN_M = 0.0005
 STEP_M = 0.0005
 #: What begins where the fingers end is behind them.
 ROUNDING_M = 1e-6
-#: A finger that turns by more than this has boxes of its own. Its tip is where it comes first to the other one, closed; of what
-#: comes there together what is nearest to its end, by this slope. Open, it may be so far behind the other one.
+#: A finger that turns by more than this has boxes of its own. Its tip is where it comes first to the other one,
+#: closed; of what comes there together what is nearest to its end, by this slope. Open, it may be so far behind the
+#: other one.
 TURN_RAD, SLOPE, BEHIND_M = 0.05, 0.02, 0.010
-#: Tips that move more than this beside a straight way along y have ways of their own, and those that leave a line by more go
-#: along arcs.
+#: Tips that move more than this beside a straight way along y have ways of their own, and those that leave a line by
+#: more go along arcs.
 BESIDE_M, BOW_M = 0.002, 0.001
-#: A jaw is cut into slices along z, which become so few boxes; those that together are no larger than by this share become one.
+#: A jaw is cut into slices along z, which become so few boxes; those that together are no larger than by this share
+#: become one.
 SLICE_M, JAW_BOXES, JOINED = 0.002, 6, 0.01
 #: Places of the joints that are looked at.
 SHARES = 129
@@ -138,8 +140,9 @@ def _vector(turn: Floats) -> Floats:
 
 
 class _Hand:
-    # The parts of a gripper while its joints go from where it is closed (0) to where its tips are furthest apart (1), in the
-    # grasp frame: z, the approach, is from the palm to the tips, and y the way of the second finger against the first.
+    # The parts of a gripper while its joints go from where it is closed (0) to where its tips are furthest apart (1),
+    # in the grasp frame: z, the approach, is from the palm to the tips, and y the way of the second finger against
+    # the first.
     def __init__(self, gripper: GripperModel) -> None:
         self.gripper, self.frame, self.states = gripper, np.eye(4), np.array(gripper.corners())
         ends = [gripper.shapes(state) for state in self.states]
@@ -294,8 +297,8 @@ def from_description(
 
 
 def _ways(hand: _Hand, best: float, tips: Floats) -> tuple[list[dict[str, Any]], float]:
-    # The jaws' ways until their tips meet, none if that is straight along y, and what share that is of their ways to where the
-    # joints close them.
+    # The jaws' ways until their tips meet, none if that is straight along y, and what share that is of their ways to
+    # where the joints close them.
     ways: list[dict[str, Any]] = [{}, {}]
     shares = np.linspace(0, 3, 301)
     for side in hand.gripper.moving:
@@ -345,7 +348,8 @@ def _volume(boxes: Floats) -> float:
 
 
 def _sliced(triangles: Floats, start: float) -> Floats:
-    # A few boxes, [N, 2, 3], that together hold what is beyond a height: slices, of which those are joined that cost least.
+    # A few boxes, [N, 2, 3], that together hold what is beyond a height: slices, of which those are joined that cost
+    # least.
     low, high = max(start, float(triangles[..., 2].min())), float(triangles[..., 2].max())
     edges = np.linspace(low, high, max(2, int((high - low) / SLICE_M) + 1))
     cuts, boxes = [_cut(triangles, z) for z in edges], []

@@ -192,7 +192,8 @@ def test_what_boxes_do_not_have_is_said(tmp_path):
     assert from_description(path, FINGERS, without=["post"]).notes == ()
 
 
-#: A palm that carries a plate of 8 mm, 20 mm beside the axis of a lever of 60 mm, whose other side is 4 mm from its axis.
+#: A palm that carries a plate of 8 mm, 20 mm beside the axis of a lever of 60 mm, whose other side is 4 mm from its
+#: axis.
 ONE_JAW = f"""<robot name="one"><link name="palm">{shape((0.06, 0.08, 0.06), (0, 0, 0.03))}{shape((0.025, 0.008, 0.07), (0, -0.024, 0.095))}</link>
 <link name="jaw">{shape((0.025, 0.008, 0.07), (0, 0, 0.035))}</link><joint name="j" type="revolute"><parent link="palm"/><child link="jaw"/>
 <origin xyz="0 0 0.06"/><axis xyz="-1 0 0"/><limit lower="-0.3" upper="1.6" effort="5" velocity="3"/></joint></robot>"""

@@ -3,7 +3,6 @@
 use schema::{Polyhedron, Pose, Quat, Vec3, bounds_m};
 use wide::f32x4;
 
-use super::patch::{Frame, PREDICTION_M, ROUNDING_M};
 use crate::engine::{EngineBody, UNITS_PER_M};
 use crate::mass_scaling::LeastInertia;
 use crate::{PartShape, SceneObject};
@@ -138,21 +137,6 @@ impl Thing {
             principal: mass.principal_inertia_local_frame,
             workspace_from_object: object.workspace_from_object,
         }
-    }
-
-    /// The parts, with their numbers, whose bounding boxes are near a box whose axes are the world's.
-    pub(super) fn near_box(&self, centre_m: Vec3, half_m: Vec3, frame: &Frame) -> impl Iterator<Item = (usize, &Part)> {
-        let (centre_m, axes) = (frame.in_body(centre_m), frame.turned_axes());
-        self.boxes_m.iter().enumerate().flat_map(move |(group, [middles_m, reaches_m])| {
-            let apart = |k: usize| {
-                let axis = axes[k];
-                let reach_m = along(reaches_m, axis.abs()) + f32x4::splat(half_m[k] + PREDICTION_M + ROUNDING_M);
-                (along(middles_m, axis) - f32x4::splat(axis.dot(centre_m))).abs().simd_gt(reach_m)
-            };
-            let apart = (apart(0) | apart(1) | apart(2)).to_bitmask();
-            let numbers = (0..4).filter(move |lane| apart >> lane & 1 == 0).map(move |lane| 4 * group + lane);
-            numbers.filter_map(|number| Some((number, self.parts.get(number)?)))
-        })
     }
 }
 

@@ -116,7 +116,7 @@ fn what_is_raised_with_the_target_is_reproduced_and_shown() {
     assert!(plate.label.starts_with("object 1: cuboid"), "{}", plate.label);
     let raised_m = plate.poses.last().unwrap()[2] - plate.poses[0][2];
     assert!((raised_m - 0.1).abs() < 0.005, "the plate goes up by the retreat, by {raised_m} m");
-    assert!(replayed.describe().contains("the lift raised object 1 by "), "{}", replayed.describe());
+    assert!(replayed.describe().contains("object 1 was moved by "), "{}", replayed.describe());
 }
 
 fn replayed(dir: &Path, dataset: &str, flags: &[&str]) -> Output {
