@@ -362,7 +362,8 @@ impl<'a> Stepper<'a> {
             if !patch::ball_near_box(near_m, thing.radius_m, centre_m, half_m) {
                 continue;
             }
-            for (part, shape) in patch::near_box(centre_m, half_m, &frame, thing) {
+            let (at_m, reach_m) = (frame.in_body(centre_m), half_m + patch::REACH_M);
+            for (part, shape) in thing.near_box(at_m, reach_m, frame.turned_axes()) {
                 let Some(patch) = patch::on_box(centre_m, half_m, &frame, shape, &mut self.scratch) else { continue };
                 let key = key([1 + which, number], [id, part]);
                 if let Some(Led { frame, answer, along }) = led {

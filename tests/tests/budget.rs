@@ -13,7 +13,7 @@ const RUST_MAX: &[(&str, usize)] = &[
     ("report", 825),
     ("shards", 3704),
     ("inspect", 1027),
-    ("simulator", 5192),
+    ("simulator", 5187),
     ("perception", 2749),
     ("grasps", 768),
     ("network", 2397),

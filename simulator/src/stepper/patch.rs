@@ -10,7 +10,7 @@
 use schema::Vec3;
 use wide::f32x4;
 
-use super::shape::{Edge, Hull, Part, Thing, along, bits};
+use super::shape::{Edge, Hull, Part, along, bits};
 
 /// Points this far apart are contacts already, so that a step cannot carry bodies through each other.
 pub(super) const PREDICTION_M: f32 = 0.002;
@@ -22,6 +22,8 @@ const EDGE_PREFERENCE_M: f32 = 0.000_05;
 const DEEP_M: f32 = 0.000_01;
 /// Sums of a few decimetres are exact to this.
 const ROUNDING_M: f32 = 1e-6;
+/// What is further than this from a box has no contact with it.
+pub(super) const REACH_M: Vec3 = Vec3::splat(PREDICTION_M + ROUNDING_M);
 /// Where bodies overlap by more than this, edges are asked even if a face would do.
 const OVERLAP_M: f32 = 0.000_15;
 
@@ -78,7 +80,7 @@ impl Frame {
     }
 
     /// The world's axes in this frame.
-    fn turned_axes(&self) -> [Vec3; 3] {
+    pub(super) fn turned_axes(&self) -> [Vec3; 3] {
         core::array::from_fn(|k| Vec3::new(self.axes[0][k], self.axes[1][k], self.axes[2][k]))
     }
 
@@ -162,26 +164,6 @@ pub(super) fn ball_near_box(centre_m: Vec3, radius_m: f32, box_centre_m: Vec3, h
     let outside = ((centre_m - box_centre_m).abs() - half_m).max(Vec3::ZERO);
     let reach_m = radius_m + PREDICTION_M;
     outside.length_squared() < reach_m * reach_m
-}
-
-/// The parts of a thing, with their numbers, whose bounding boxes are near a box whose axes are the world's.
-pub(super) fn near_box<'t>(
-    centre_m: Vec3,
-    half_m: Vec3,
-    frame: &Frame,
-    thing: &'t Thing,
-) -> impl Iterator<Item = (usize, &'t Part)> {
-    let (centre_m, axes) = (frame.in_body(centre_m), frame.turned_axes());
-    thing.boxes_m.iter().enumerate().flat_map(move |(group, [middles_m, reaches_m])| {
-        let apart = |k: usize| {
-            let axis = axes[k];
-            let reach_m = along(reaches_m, axis.abs()) + f32x4::splat(half_m[k] + PREDICTION_M + ROUNDING_M);
-            (along(middles_m, axis) - f32x4::splat(axis.dot(centre_m))).abs().simd_gt(reach_m)
-        };
-        let apart = (apart(0) | apart(1) | apart(2)).to_bitmask();
-        let numbers = (0..4).filter(move |lane| apart >> lane & 1 == 0).map(move |lane| 4 * group + lane);
-        numbers.filter_map(|number| Some((number, thing.parts.get(number)?)))
-    })
 }
 
 /// A part and a box whose axes are the world's; the normal points from the box to the part.

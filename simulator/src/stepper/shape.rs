@@ -138,6 +138,19 @@ impl Thing {
             workspace_from_object: object.workspace_from_object,
         }
     }
+
+    /// The parts, with their numbers, whose bounding boxes meet a box at a place in this thing's frame, with such axes.
+    pub(super) fn near_box(&self, at_m: Vec3, half_m: Vec3, axes: [Vec3; 3]) -> impl Iterator<Item = (usize, &Part)> {
+        self.boxes_m.iter().enumerate().flat_map(move |(group, [middles_m, reaches_m])| {
+            let apart = |k: usize| {
+                let reach_m = along(reaches_m, axes[k].abs()) + f32x4::splat(half_m[k]);
+                (along(middles_m, axes[k]) - f32x4::splat(axes[k].dot(at_m))).abs().simd_gt(reach_m)
+            };
+            let apart = (apart(0) | apart(1) | apart(2)).to_bitmask();
+            let numbers = (0..4).filter(move |lane| apart >> lane & 1 == 0).map(move |lane| 4 * group + lane);
+            numbers.filter_map(|number| Some((number, self.parts.get(number)?)))
+        })
+    }
 }
 
 impl Part {
