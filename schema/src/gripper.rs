@@ -238,7 +238,7 @@ impl Gripper {
     /// fingers.
     #[must_use]
     pub fn base_to_tips_m(&self) -> f32 {
-        let along_m = |flange_from_grasp: Pose| flange_from_grasp.translation.dot(flange_from_grasp.rotation * Vec3::Z);
+        let along_m = |pose: Pose| pose.translation.dot((pose.rotation * Vec3::Z).normalize());
         self.flange_from_grasp.map_or(self.finger_length_m + self.palm_length_m, |parts| along_m(parts.pose()))
     }
 
@@ -533,6 +533,7 @@ mod tests {
             // SO-101's wrist has z backwards, and its jaws are beside it.
             let (tips_m, z) = (flange_from_grasp.translation, if name == "so_101" { -Vec3::Z } else { Vec3::Z });
             assert!(name == "so_101" || tips_m.truncate().length() < 1e-6, "{name}: {tips_m}");
+            assert!(name == "so_101" || gripper.base_to_tips_m() == tips_m.z, "{name}: files keep their bytes");
             assert!((flange_from_grasp.rotation * Vec3::Z - z).length() < 1e-5, "{name}");
         }
         assert_eq!(mounted, 6, "all but the two that are no products");

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .pose import Pose
+from .pose import Pose, conjugate
 
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 # For the gate a box that is turned is covered by slices of at most this.
@@ -97,5 +97,5 @@ class Jaw:
     def open_from_given(self) -> Pose:
         """From the boxes as they are given to where they are at the widest opening."""
         given = self.pose(self.boxes_at * self.way_m)
-        back = Pose(np.zeros(3), given.quat_xyzw * [-1, -1, -1, 1])
+        back = Pose(np.zeros(3), conjugate(given.quat_xyzw))
         return back.moved(-(back.rotation @ given.position_m))

@@ -60,8 +60,7 @@ impl AttemptWorld<'_> {
                 let (grown, swept) =
                     (PlacedPart::from_box(&near, &Pose::IDENTITY), near.swept(inward * gripper.opening_m_max));
                 let on_way = self.gate.placed(workspace_from_grasp, &[swept]);
-                let on_way = on_way.iter();
-                let to_objects = on_way.map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
+                let to_objects = on_way.iter().map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
                 let sinking = -inward.dot(up);
                 let above_m = finger.lowest_z_m(workspace_from_grasp) - near_m - self.table_z_m;
                 let to_table = if sinking > 0.0 { (above_m / sinking).max(0.0) } else { f32::INFINITY };
