@@ -259,7 +259,7 @@ impl Planner {
         let none_ranked = if is_any { "no grasps were asked for" } else { "all grasps hold flying points" };
         let Candidates { mut grasps, mut dropped, mut stages } = candidates;
         let chance = Stream::new(self.config.seed, seen.scene, Purpose::Ranking, 0);
-        rank::order(&mut grasps, policy, request.limiter.is_in_container(), chance);
+        rank::order(&mut grasps, policy, chance);
         if let Some(previous) = &options.previous {
             let sure = |ranked: &RankedGrasp| if ranked.doubt.is_none() { ranked.quality } else { 0.0 };
             put_first(&mut grasps, previous, |ranked| (sure(ranked), ranked.workspace_from_grasp));

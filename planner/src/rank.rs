@@ -9,6 +9,10 @@ use schema::{Stream, Vec3};
 use crate::config::{Policy, RankingParams};
 use crate::plan::{ObjectCluster, RankedGrasp, SegmentedCloud};
 
+/// A grasp whose width was not seen comes after one that is less sure by up to this. It holds as often as the judge says
+/// of convex things, but is not in the middle of a rim.
+const UNSEEN: f32 = 0.03;
+
 /// Eq. 8: the distance to the object's centroid, weighted by axis, over the quality; in metres.
 #[must_use]
 pub fn rho_m(position_m: Vec3, centroid_m: Vec3, quality: f32, weights: [f32; 3]) -> f32 {
@@ -33,21 +37,20 @@ pub(crate) fn attribute(
     }
 }
 
-/// Sorts grasps, whose widths were measured, by the policy, best first; but those whose width was not seen come after
-/// those whose was, unless they are in a container, whose walls hide the ends of what is there, and those that are to
-/// be doubted last. Equal grasps keep the order of their voxels.
-pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, is_in_container: bool, mut chance: Stream) {
+/// Sorts grasps by the policy, best first, but those that are to be doubted last. Equal grasps keep the order of their
+/// voxels.
+pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stream) {
     match policy {
         Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),
         Policy::VgnBest => grasps.sort_by(|a, b| sureness(b).total_cmp(&sureness(a))),
         Policy::VgnRandom => chance.shuffle(grasps),
     }
-    grasps.sort_by_key(|ranked| (ranked.doubt, !is_in_container && ranked.width_m.is_none()));
+    grasps.sort_by_key(|ranked| ranked.doubt);
 }
 
-/// The quality times the robustness, where that is known.
+/// The quality times the robustness, where that is known; less where the width was not seen.
 fn sureness(ranked: &RankedGrasp) -> f32 {
-    ranked.quality * ranked.robustness.unwrap_or(1.0)
+    ranked.quality * ranked.robustness.unwrap_or(1.0) - if ranked.width_m.is_none() { UNSEEN } else { 0.0 }
 }
 
 /// Objects are numbered from the top; grasps without an object come last.
@@ -109,7 +112,7 @@ mod tests {
         assert_eq!(grasps.iter().map(|g| g.object).collect::<Vec<_>>(), [Some(1), Some(0), None, Some(0), None]);
         let qualities = |policy| {
             let mut ordered = grasps.clone();
-            order(&mut ordered, policy, false, chance(1));
+            order(&mut ordered, policy, chance(1));
             ordered.iter().map(|g| g.quality).collect::<Vec<_>>()
         };
         assert_eq!(qualities(Policy::Paper), [0.91, 0.95, 0.99, 1.0, 0.92]);
@@ -121,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_doubted_comes_last_and_a_width_that_was_not_seen_after_those_that_were() {
+    fn what_is_doubted_comes_last_and_an_unseen_width_costs_a_little() {
         let of = |quality: f32, width_m: Option<f32>, doubt: Option<Doubt>| RankedGrasp {
             width_m,
             doubt,
@@ -130,20 +133,18 @@ mod tests {
         let mut grasps = vec![
             of(0.99, Some(0.04), Some(Doubt::Cut)),
             of(0.98, None, Some(Doubt::NoDepth)),
-            of(0.97, None, None),
             of(0.71, Some(0.04), None),
-            of(0.96, Some(0.04), Some(Doubt::BentTable)),
+            of(0.92, Some(0.04), None),
+            of(0.97, None, None),
             of(0.95, Some(0.04), None),
+            of(0.96, Some(0.04), Some(Doubt::BentTable)),
             of(0.94, Some(0.04), Some(Doubt::NoDepth)),
         ];
-        for policy in [Policy::VgnBest, Policy::Paper] {
-            order(&mut grasps, policy, false, chance(1));
+        for (policy, first) in [(Policy::VgnBest, [0.95, 0.97]), (Policy::Paper, [0.97, 0.95])] {
+            order(&mut grasps, policy, chance(1));
             let qualities: Vec<f32> = grasps.iter().map(|g| g.quality).collect();
-            assert_eq!(qualities, [0.95, 0.71, 0.97, 0.94, 0.98, 0.96, 0.99]);
+            assert_eq!(qualities, [&first[..], &[0.92, 0.71, 0.98, 0.94, 0.96, 0.99]].concat());
         }
-        order(&mut grasps, Policy::VgnBest, true, chance(1));
-        let qualities: Vec<f32> = grasps.iter().map(|g| g.quality).collect();
-        assert_eq!(qualities, [0.97, 0.95, 0.71, 0.98, 0.94, 0.96, 0.99], "walls hide ends");
     }
 
     #[test]
@@ -151,7 +152,7 @@ mod tests {
         let mut firsts = [0; 4];
         for scene in 0..4_000 {
             let mut grasps: Vec<RankedGrasp> = (0..4_u8).map(|n| grasp([0.0; 3], f32::from(n))).collect();
-            order(&mut grasps, Policy::VgnRandom, false, chance(scene));
+            order(&mut grasps, Policy::VgnRandom, chance(scene));
             firsts[grasps[0].quality as usize] += 1;
         }
         assert!(firsts.iter().all(|count| (870..1130).contains(count)), "{firsts:?}");
