@@ -66,6 +66,13 @@ def test_the_arm_of_menagerie_is_the_users(tmp_path):
         assert "0 of 4 objects left" in run(tmp_path, "mujoco_arm.py", f"{model}/franka_emika_panda/panda.xml")
 
 
+def test_the_so101_is_the_users(tmp_path):
+    pytest.importorskip("mujoco")
+    assert "git clone" in ran(sys.executable, EXAMPLES / "so101_lerobot.py", cwd=tmp_path, code=1).stderr
+    if model := os.environ.get("GRASPMILL_SO101"):  # its MJCF; nothing is fetched here
+        assert "\nlifted: " in run(tmp_path, "so101_lerobot.py", model)
+
+
 @pytest.mark.parametrize("name", notebooks.MADE)
 def test_a_notebook_is_its_example_and_was_executed(name):
     stored = json.loads((notebooks.NOTEBOOKS / f"{name}.ipynb").read_text())

@@ -27,7 +27,7 @@ const RUST_MAX: &[(&str, usize)] = &[
 
 /// Lines of Python by folder, without comments and blanks; docstrings count.
 const PYTHON_MAX: &[(&str, usize)] =
-    &[("python/graspmill", 5000), ("scripts", 3457), ("lab", 526), ("ros2", 569), ("tests/python", 8981)];
+    &[("python/graspmill", 5000), ("scripts", 3457), ("lab", 526), ("ros2", 569), ("tests/python", 8987)];
 
 /// The lines of a Rust file that count: not blank, not a comment, and not of an item under `#[cfg(test)]`. The
 /// formatter ends an item with a line that is as deep as its first one.
