@@ -184,7 +184,7 @@ impl JudgeInputs {
     }
 
     /// Adds a grasp in a scene seen from `views`. Gripper and scene may be mirrored in the grasp's x and y: a mirrored
-    /// gripper is the same gripper, so the attempt ends alike.
+    /// gripper is the same gripper, so the attempt ends alike; but one with a fixed jaw is not mirrored in y.
     pub fn push(
         &mut self,
         crop: &Crop,
@@ -193,6 +193,7 @@ impl JudgeInputs {
         views: usize,
         mirrored: [bool; 2],
     ) {
+        let mirrored = [mirrored[0], mirrored[1] && !crop.is_one_sided];
         crop.see(grid, workspace_from_grasp, mirrored, &mut self.crops);
         crop.see_wide(grid, workspace_from_grasp, mirrored, &mut self.wide);
         self.facts.push(crop.facts(workspace_from_grasp, views, mirrored));

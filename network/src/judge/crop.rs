@@ -164,6 +164,8 @@ pub struct Crop {
     swept: Vec<GripperBox>,
     /// The gripper's own facts.
     dimensions: [f32; 10],
+    /// Whether one jaw is fixed: mirrored in y it is another gripper.
+    pub(super) is_one_sided: bool,
     table_z_m: f32,
     voxel_size_m: f32,
 }
@@ -192,6 +194,7 @@ impl Crop {
             few_m: Vec::new(),
             swept: sweep.iter().map(|b| b.grown(gripper.clearance_m)).collect(),
             dimensions: dimensions(gripper, pregrasp_distance_m),
+            is_one_sided: gripper.fixed_side().is_some(),
             table_z_m: grid.table_z_m,
             voxel_size_m: grid.voxel_size_m(),
         };
