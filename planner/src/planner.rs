@@ -31,17 +31,19 @@ use crate::{plausible, rank};
 /// A network's file, and its path in the source tree.
 type Weights = (&'static [u8], &'static str);
 
-/// The built-in networks for some settings: one for a single gripper, and one for those that it does not answer for.
-fn weights(named: BuiltIn) -> (Weights, Option<Weights>) {
+/// The built-in networks for some settings, of which the first that answers for a gripper is taken: those of a single
+/// one, then that of many.
+fn weights(named: BuiltIn) -> &'static [Weights] {
     match named {
-        BuiltIn::Judge => (
+        BuiltIn::Judge => &[
             (include_bytes!("../../models/judge.safetensors"), "models/judge.safetensors"),
-            Some((include_bytes!("../../models/judge-any-jaw.safetensors"), "models/judge-any-jaw.safetensors")),
-        ),
+            (include_bytes!("../../models/judge-so-101.safetensors"), "models/judge-so-101.safetensors"),
+            (include_bytes!("../../models/judge-any-jaw.safetensors"), "models/judge-any-jaw.safetensors"),
+        ],
         BuiltIn::Paper => {
-            ((include_bytes!("../../models/paper-closings.safetensors"), "models/paper-closings.safetensors"), None)
+            &[(include_bytes!("../../models/paper-closings.safetensors"), "models/paper-closings.safetensors")]
         }
-        BuiltIn::Vgn => ((include_bytes!("../../models/vgn.safetensors"), "models/vgn.safetensors"), None),
+        BuiltIn::Vgn => &[(include_bytes!("../../models/vgn.safetensors"), "models/vgn.safetensors")],
     }
 }
 
@@ -85,10 +87,10 @@ impl Planner {
     /// # Errors
     /// If no judge was trained for the settings' gripper.
     pub fn built_in(config: Config) -> Result<Self, Failure> {
-        let (own, others) = weights(config.network);
-        let warning = if others.is_none() { other_gripper(&config)? } else { None };
-        let of = |(file, path): Weights| Self::from_bytes(file, Path::new(path), config.clone());
-        let made = of(own).or_else(|why| others.map_or(Err(why), of))?;
+        let warning = if config.network == BuiltIn::Judge { None } else { other_gripper(&config)? };
+        let of = |(file, path): &Weights| Self::from_bytes(file, Path::new(path), config.clone());
+        let (last, others) = weights(config.network).split_last().expect("each has one");
+        let made = others.iter().find_map(|one| of(one).ok()).map_or_else(|| of(last), Ok)?;
         Ok(Self { warning, ..made })
     }
 

@@ -240,9 +240,10 @@ fn a_judge_of_another_gripper_is_refused_and_both_are_named() {
 fn grippers_without_a_judge_of_their_own_share_one_within_its_ranges() {
     let of = |gripper: Gripper| Planner::built_in(Config { gripper, ..config() });
     let models = Gripper::BUILT_IN.map(|(name, text)| (name, of(Gripper::from_toml(text).unwrap()).unwrap().model_id));
-    let own = &models.iter().find(|(name, _)| *name == "parallel_jaw_80").unwrap().1;
-    let shared: Vec<&String> = models.iter().map(|(_, id)| id).filter(|id| *id != own).collect();
-    assert!(shared.len() == models.len() - 1 && shared.iter().all(|id| *id == shared[0]));
+    let (own, shared): (Vec<_>, Vec<_>) =
+        models.iter().partition(|(name, _)| ["parallel_jaw_80", "so_101"].contains(name));
+    assert!(own.len() == 2 && own[0].1 != own[1].1 && shared.iter().all(|(_, id)| *id == shared[0].1));
+    assert!(own.iter().all(|(_, id)| *id != shared[0].1));
     let huge = Gripper { opening_m_max: 0.3, palm_breadth_m: 0.3, name: "huge".to_owned(), ..config().gripper };
     let error = of(huge).unwrap_err().to_string();
     assert!(["huge", "opening_m_max", "0.3"].iter().all(|part| error.contains(part)), "{error}");
