@@ -9,8 +9,8 @@ use schema::{Stream, Vec3};
 use crate::config::{Policy, RankingParams};
 use crate::plan::{ObjectCluster, RankedGrasp, SegmentedCloud};
 
-/// A grasp whose width was not seen comes after one that is less sure by up to this. It holds as often as the judge says
-/// of convex things, but is not in the middle of a rim.
+/// A grasp whose width was not seen comes after one that is less sure by up to this. It holds as often as the judge
+/// says of convex things, but is not in the middle of a rim.
 const UNSEEN: f32 = 0.03;
 
 /// Eq. 8: the distance to the object's centroid, weighted by axis, over the quality; in metres.

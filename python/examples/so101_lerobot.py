@@ -1,6 +1,6 @@
 """LeRobot's SO-101 takes a box off a table: one depth image, one grasp, joint targets; in MuJoCo, then with the arm.
 
-    git clone --depth 1 https://github.com/TheRobotStudio/SO-ARM100     # or robotstudio_so101/so101.xml of MuJoCo Menagerie
+    git clone --depth 1 https://github.com/TheRobotStudio/SO-ARM100 # or robotstudio_so101/so101.xml of MuJoCo Menagerie
     pip install mujoco && python so101_lerobot.py SO-ARM100/Simulation/SO101/so101_new_calib.xml [--seed 1]
     pip install "lerobot[feetech]" && python so101_lerobot.py … --port /dev/ttyACM0 --id my_follower    # moves the arm
 
@@ -22,7 +22,7 @@ from mujoco_loop import TABLE_Z_M, depth_image, shifted
 from reachable import Arm
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")  # and LeRobot's motors
-BASE_M, AWAY_RAD = np.array([-0.1, 0.15, TABLE_Z_M]), np.array([1.6, 0.0, 0.0, 0.0, 0.0, 0.0])  # in the workspace; aside
+BASE_M, AWAY_RAD = np.array([-0.1, 0.15, TABLE_Z_M]), np.array([1.6, 0, 0, 0, 0, 0])  # in the workspace; aside
 WEIGHTS = np.array([[1.0]] * 3 + [[0.03]] * 3)  # of what is missing to a pose: a radian is as bad as 30 mm
 Way = list[tuple[np.ndarray, float]]  # six joints, in radians, and the seconds to them
 
