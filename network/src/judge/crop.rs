@@ -424,6 +424,22 @@ mod tests {
         }
     }
 
+    /// Mirrored in y, a gripper with one fixed jaw would be another one.
+    #[test]
+    fn a_gripper_with_a_fixed_jaw_is_not_mirrored_in_y() {
+        let (grid, pose) = (slanted().0, down_at(0.14, 0.16, 0.12));
+        for (name, is_mirrored) in [("parallel_jaw_80", true), ("so_101", false)] {
+            let (_, text) = Gripper::BUILT_IN.into_iter().find(|(built_in, _)| *built_in == name).unwrap();
+            let crop = Crop::new(&Gripper::from_toml(text).unwrap(), 0.05, &Grid::PAPER);
+            let [plain, x, y] = [[false; 2], [true, false], [false, true]].map(|mirrored| {
+                let mut inputs = super::super::JudgeInputs::with_capacity(1);
+                inputs.push(&crop, &(&grid).into(), &pose, 1, mirrored);
+                inputs.crops
+            });
+            assert!(plain != x && (plain != y) == is_mirrored, "{name}");
+        }
+    }
+
     /// The crop of a grasp in a mirrored scene is the mirrored crop.
     #[test]
     fn mirrored_scenes_give_mirrored_crops() {

@@ -36,11 +36,13 @@ fn each_has_its_checksum_in_the_card_and_can_be_evaluated() {
         assert!(checkpoint.dataset_id.split('+').all(|id| card.contains(id)), "the card must name the datasets");
         let (model, data) = (model.to_str().unwrap(), data.to_str().unwrap());
         let args = ["evaluate", "--model", model, "--data", data, "--split", "all", "--json"];
-        let has_one_gripper =
-            matches!(&checkpoint.architecture, Architecture::Judge(scope) if scope.grippers.is_none());
-        if has_one_gripper {
-            // The dataset's gripper has another palm, or opens further.
-            check_fails(&args, 78, &["trained for the gripper ", ", not for synthetic_80 as it is given", " must be "]);
+        if let Architecture::Judge(scope) = &checkpoint.architecture
+            && scope.grippers.is_none()
+        {
+            let own = &scope.gripper.name;
+            // The dataset's gripper has another palm, and opens further than an SO-101.
+            let key = if own == "parallel_jaw_80" { "palm_width_m must be" } else { "opening_m_max must be" };
+            check_fails(&args, 78, &[&format!("trained for the gripper {own}, not for synthetic_80"), key]);
         } else {
             let output = trainer(&args);
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
