@@ -2,7 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use workspace_tests::{SourceFile, assert_none, files, root};
+use workspace_tests::{SourceFile, assert_none, files, read, root};
 
 /// The lines of a page that are not code.
 fn prose(page: &SourceFile) -> Vec<&str> {
@@ -69,6 +69,15 @@ fn links_lead_somewhere() {
         }
     }
     assert_none("links", &problems);
+}
+
+/// As `scripts/site.py check` finds, which takes a site that is made.
+#[test]
+fn the_site_shows_every_page() {
+    let site = read("docs/zensical.toml");
+    let pages = files(|path| path.ends_with(".md") && (path.starts_with("docs/") || path.starts_with("models/")));
+    let hidden = pages.iter().filter(|page| !site.contains(&format!("\"{}\"", page.path)));
+    assert_none("docs/zensical.toml must name", &hidden.map(|page| page.path.clone()).collect::<Vec<_>>());
 }
 
 #[test]
