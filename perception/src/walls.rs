@@ -105,15 +105,17 @@ impl Wall {
     }
 
     /// Whether it hangs over the table, so that a board lies behind it, of which nobody sees more from before it: an
-    /// eye sees points behind the wall through where the wall would be if it stood, and if nothing of its edge was
-    /// seen, as of a thin one, none through the board.
+    /// eye sees points behind the wall through where the wall would be if it stood, however it leaned, and if nothing
+    /// of its edge was seen, as of a thin one, none through the board.
     #[must_use]
     pub fn hangs(&self, points_m: &[Vec3], eyes_m: &[Vec3], table_z_m: f32) -> bool {
         let is_through = |eye_m: Vec3, point_m: Vec3| {
             let [[before_m, _], [behind_m, _]] = [eye_m, point_m].map(|point_m| self.place_m(point_m));
             let at_m = eye_m.lerp(point_m, before_m / (before_m - behind_m));
             let is_below = at_m.z < self.bottom_m - OUTER_M && self.is_along(self.place_m(at_m)[1], 0.0);
-            before_m < 0.0 && behind_m > OUTER_M && is_below
+            // Before the foot of a wall that leans outwards one sees ground under its edge.
+            let foot_m = SLOPES as f32 * SLOPE_STEP * (self.top_m - point_m.z).max(0.0);
+            before_m < 0.0 && behind_m > OUTER_M + foot_m && is_below
         };
         let is_through_board = |eye_m: Vec3, point_m: Vec3| {
             let [above_m, below_m] = [eye_m.z - self.bottom_m, self.bottom_m - point_m.z];
@@ -558,6 +560,19 @@ mod tests {
         assert!((edge.bottom_m - TABLE_M - 0.19).abs() < 0.004, "{edge:?}");
         assert!(edge.is_over(at(0.1, 0.1, 0.2)) && !edge.is_over(at(0.1, -0.02, 0.2)));
         assert!(!edge.is_over(at(0.1, 0.1, 0.17)));
+    }
+
+    /// Of the wall next to the eye only the rim is seen, which hides most behind it, and the ground under the rim.
+    #[test]
+    fn a_rim_over_a_foot_does_not_hang() {
+        let size = |point: &Vec3| *point * Vec3::new(1.0, 1.0, 2.0) - TABLE_M * Vec3::Z;
+        let is_seen = |point: &&Vec3| point.z + 0.7 * point.y > TABLE_M + 0.09;
+        let points: Vec<Vec3> = bin(4, 0.5).iter().map(size).collect();
+        let ground = sheet(Vec3::new(0.0, -0.06, TABLE_M), 0.24 * Vec3::X, 0.06 * Vec3::Y);
+        let points: Vec<Vec3> = points.iter().filter(is_seen).copied().chain(ground).collect();
+        let (eye, found) = (Vec3::new(0.12, -0.5, 0.5), walls(&points, TABLE_M));
+        assert_eq!(found.len(), 4, "{found:?}");
+        assert!(!found.iter().any(|wall| wall.hangs(&points, &[eye], TABLE_M)), "{found:?}");
     }
 
     #[test]
