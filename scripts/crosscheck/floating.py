@@ -21,6 +21,8 @@ MOST = {"lift": (0.05, np.pi)}
 MOST_ELSE = (0.01, 0.349)
 # An object rests under a pull if in so long it moves and turns by less than this.
 REST_TIME_S, REST_M, REST_RAD = 0.025, 2e-5, 3e-4
+# While jaws that are not alike close the object is slowed at this rate, as on a table.
+CLOSING_DAMPING_1_S = 50.0
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -29,6 +31,9 @@ class FloatingEngine(Engine, Protocol):
 
     def tie(self, asymmetry_m: float) -> None:
         """As `press`, for fingers that are closing: neither gets faster than the gripper closes."""
+
+    def slow(self, share: float) -> None:
+        """Leaves the object this share of its speed."""
 
     def pull(self, acceleration_m_s2: np.ndarray) -> None:
         """Accelerates the object by so much (3,) from the next step on; the gripper is not affected."""
@@ -124,6 +129,8 @@ class FloatingRunner(Runner):
 
     def _tie(self) -> None:
         """From when both fingers press they are tied as in a lift: what floats would drift on between them."""
+        if self._gripper.jaws:
+            self._floating.slow(1 / (1 + CLOSING_DAMPING_1_S / self._engine.step_rate_hz))
         if self._asymmetry_m is None and self._engine.grips(0):
             left, right = self._engine.closed_m()
             self._asymmetry_m = left - right

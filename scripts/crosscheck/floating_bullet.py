@@ -51,6 +51,11 @@ class FloatingBullet(CompoundBullet):
                 targetVelocity=self._gripper.closing_speed_m_s, physicsClientId=self.client,
             )  # fmt: skip
 
+    def slow(self, share: float) -> None:
+        """Leaves the object this share of its speed."""
+        linear, angular = pybullet.getBaseVelocity(self.bodies[0], physicsClientId=self.client)
+        pybullet.resetBaseVelocity(self.bodies[0], share * np.array(linear), share * np.array(angular), physicsClientId=self.client)
+
     def pull(self, acceleration_m_s2: np.ndarray) -> None:
         """Accelerates the object."""
         self._force_n = self._scene.objects[0].mass_kg * acceleration_m_s2

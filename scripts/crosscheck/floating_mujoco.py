@@ -60,6 +60,11 @@ class FloatingMujoco(Mujoco):
         """Accelerates the object."""
         self._data.xfrc_applied[self._bodies[0], :3] = self._mass_kg * acceleration_m_s2
 
+    def slow(self, share: float) -> None:
+        """Leaves the object this share of its speed."""
+        first = self._model.body_dofadr[self._bodies[0]]
+        self._data.qvel[first : first + 6] *= share
+
     def carry(self, workspace_from_grasp: Pose) -> None:
         """Where the gripper is to be at the end of the next step."""
         self._there = workspace_from_grasp

@@ -37,6 +37,8 @@ const CONTACT_DAMPING_RATIO: f32 = 10.0;
 /// Bodies whose contacts are kept touch where they did until they have gone this far, in metres: less than fingers sink
 /// in.
 const KEEPS_M: f32 = 0.000_03;
+/// So many passes it takes until two springs that press on a thing agree.
+const SPRING_SWEEPS: usize = 5;
 /// What a contact's `first` is for the table; then come the gripper's boxes, then the four walls, then the fixtures.
 const TABLE: usize = 0;
 const WALLS: usize = 4;
@@ -55,7 +57,7 @@ pub(crate) struct Stepper<'a> {
     gravity_m_s2: Vec3,
     /// How this frame turns, if it does.
     turning: Option<Turning>,
-    damping_1_s: f32,
+    pub(crate) damping_1_s: f32,
     /// The table, then walls.
     planes: Vec<Plane>,
     passes: [Pass; 3],
@@ -332,7 +334,7 @@ impl<'a> Stepper<'a> {
                 let friction = self.table_friction * thing.friction;
                 let key = key([obstacle, 0], [id, part]);
                 patch::on_plane(normal, offset_m, &body.frame, shape, &mut self.scratch, |patch| {
-                    self.singles.add(key, [obstacle, id], friction, patch, Touched::Fixed, &body.answer);
+                    self.singles.add(key, [obstacle, id], [friction, 0.0], patch, Touched::Fixed, &body.answer);
                 });
             }
         }
@@ -347,7 +349,7 @@ impl<'a> Stepper<'a> {
                 if let Some(patch) = self.patch_between(key, frames, [fixture, shape]) {
                     let friction = self.table_friction * thing.friction;
                     let answer = &self.bodies[id].answer;
-                    self.singles.add(key, [FIXTURES, id], friction, &patch, Touched::Fixed, answer);
+                    self.singles.add(key, [FIXTURES, id], [friction, 0.0], &patch, Touched::Fixed, answer);
                 }
             }
         }
@@ -355,7 +357,8 @@ impl<'a> Stepper<'a> {
 
     fn touch_gripper(&mut self, which: usize, id: usize) {
         let (body, thing, led) = (&self.bodies[id], &self.things[id], self.jaws.led[which].as_ref());
-        let friction = self.jaws.friction * thing.friction;
+        let surface =
+            [self.jaws.friction * thing.friction, self.jaws.yields(which, self.substeps as f32 / self.step_s)];
         let (frame, near_m) = body.seen_from(led);
         for number in 0..self.jaws.boxes[which].len() {
             let (centre_m, half_m) = self.jaws.box_at(which, number);
@@ -368,11 +371,11 @@ impl<'a> Stepper<'a> {
                 let key = key([1 + which, number], [id, part]);
                 if let Some(Led { frame, answer, along }) = led {
                     let jaw = Touched::Jaw { answer, along: *along };
-                    self.led.add(key, [which, id], friction, &frame.world(&patch), jaw, &body.answer);
+                    self.led.add(key, [which, id], surface, &frame.world(&patch), jaw, &body.answer);
                     continue;
                 }
                 let finger = Touched::Finger { inverse_mass: self.jaws.inverse_mass(which) };
-                self.singles.add(key, [1 + which, id], friction, &patch, finger, &body.answer);
+                self.singles.add(key, [1 + which, id], surface, &patch, finger, &body.answer);
             }
         }
     }
@@ -405,7 +408,7 @@ impl<'a> Stepper<'a> {
                 if let Some(patch) = self.patch_between(key, frames, [shape, other_shape]) {
                     let [a, b] = [&self.bodies[first].answer, &self.bodies[second].answer];
                     let friction = things[first].friction * things[second].friction;
-                    self.doubles.add(key, [first, second], friction, &patch, Touched::Body(a), b);
+                    self.doubles.add(key, [first, second], [friction, 0.0], &patch, Touched::Body(a), b);
                     if !self.bodies[other].is_awake {
                         self.bodies[other].is_awake = true;
                         self.queue.push(other);
@@ -468,8 +471,10 @@ impl<'a> Stepper<'a> {
             self.warm_start();
             self.jaws.begin_substep(closed_m, begun_s);
             for pass in self.passes {
-                self.jaws.solve(substep_s);
-                self.pass(&pass);
+                for _ in 0..if pass.corrects && self.jaws.depth_m > 0.0 { SPRING_SWEEPS } else { 1 } {
+                    self.jaws.solve(substep_s);
+                    self.pass(&pass);
+                }
                 if pass.corrects {
                     for body in self.bodies.iter_mut().filter(|body| body.is_awake) {
                         body.ways.linear += body.speeds.linear * f32x4::splat(substep_s);

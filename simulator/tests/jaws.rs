@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
+use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Quat, ShapeKind, Solid, Vec3, axis_angle};
 use simulator::{AttemptWorld, Body, FloatingWorld, Grip, Hold, Load, Scene, SceneObject};
 
 const FAITHFUL: Physics = Physics { engine: Engine::Stepper, solver_iterations: 8, ..Physics::FAITHFUL };
@@ -67,6 +67,39 @@ fn a_fixed_jaw_holds_what_two_that_slide_hold() {
                 let got = most(&grip, along, [0.2 * expected, 3.0 * expected]);
                 assert!((got / expected - 1.0).abs() < 0.05, "{got} of {expected} m/s² along {along}: {jaws}");
             }
+        }
+    }
+}
+
+/// A jaw sinks into a face by its depth where it presses with its force.
+#[test]
+fn jaws_sink_in_as_springs_do() {
+    let (gripper, procedure) = (gripper(ONE_SLIDES), Procedure::PAPER);
+    for depth_m in [0.000_1, 0.001] {
+        let physics = Physics { finger_depth_m_max: depth_m, ..FAITHFUL };
+        let block = cuboid([0.04, 0.04, 0.02]);
+        let world = FloatingWorld::new(&physics, &gripper, &procedure, &block, 0.3, 0.6);
+        let grip = world.close(&Pose::from_translation(Vec3::new(0.0, 0.018, 0.005))).ok().unwrap();
+        let sunk_m = 0.04 - grip.width_m();
+        assert!((sunk_m - 2.0 * depth_m).abs() < 0.05 * depth_m, "{sunk_m} of {depth_m} a side");
+    }
+}
+
+/// A block that is wider than the jaws are parallel, gripped by one corner and an edge: its face is pressed on at
+/// several points, and friction at them bears the moment of its weight, 0.5 N at 15 mm.
+#[test]
+fn what_is_gripped_by_a_corner_does_not_swing() {
+    let gripper = Gripper { closing_speed_m_s: 0.1, ..gripper(ONE_TURNS) };
+    let (procedure, block) = (Procedure::PAPER, cuboid([0.022_192, 0.059_840, 0.035_687]));
+    let grasp = Pose::from_parts(
+        Vec3::new(-0.002_26, -0.006_82, 0.007_035),
+        Quat::from_xyzw(0.993_187, 0.013_838, -0.115_709, 0.000_166).normalize(),
+    );
+    for physics in [Physics { finger_depth_m_max: 0.000_05, ..Physics::STANDARD }, FAITHFUL] {
+        let world = FloatingWorld::new(&physics, &gripper, &procedure, &block, 0.05, 0.8);
+        let grip = world.close(&grasp).ok().unwrap();
+        for along in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|axis| [axis, -axis]) {
+            assert!(bears(&grip, along * 9.81), "{along}: {:?}", grip.closing());
         }
     }
 }

@@ -13,8 +13,8 @@ const RUST_MAX: &[(&str, usize)] = &[
     ("report", 825),
     ("shards", 3704),
     ("inspect", 1027),
-    ("simulator", 5187),
-    ("perception", 2749),
+    ("simulator", 5188),
+    ("perception", 2750),
     ("grasps", 768),
     ("network", 2400),
     ("generator", 4361),
@@ -27,7 +27,7 @@ const RUST_MAX: &[(&str, usize)] = &[
 
 /// Lines of Python by folder, without comments and blanks; docstrings count.
 const PYTHON_MAX: &[(&str, usize)] =
-    &[("python/graspmill", 5000), ("scripts", 3457), ("lab", 526), ("ros2", 569), ("tests/python", 8987)];
+    &[("python/graspmill", 5000), ("scripts", 3470), ("lab", 526), ("ros2", 569), ("tests/python", 8987)];
 
 /// The lines of a Rust file that count: not blank, not a comment, and not of an item under `#[cfg(test)]`. The
 /// formatter ends an item with a line that is as deep as its first one.

@@ -80,6 +80,8 @@ pub(super) struct Contact<const T: usize> {
     /// What an impulse along a point's tangents adds to those along the tangents.
     from_tangents: [[[f32x4; 4]; 2]; 2],
     mass_normal: f32x4,
+    /// How fast a point goes in that a spring lets in for each unit of its impulse in a substep; 0 if it is hard.
+    yields: f32,
     /// The points that are likely to press, as a mask.
     bearing: f32x4,
     /// What [`Self::press_each`] and [`Self::rub_each`] come to if these points press and stick and the others do not
@@ -128,12 +130,12 @@ impl<const T: usize> Contacts<T> {
         (self.last_count, self.count) = (self.count, 0);
     }
 
-    /// A contact of what is `touched` with a `body`; `key` is the same in every step.
+    /// A contact of what is `touched` with a `body`: its friction, and how it yields; `key` is the same in every step.
     pub(super) fn add(
         &mut self,
         key: u64,
         ids: [usize; 2],
-        friction: f32,
+        [friction, yields]: [f32; 2],
         patch: &Patch,
         touched: Touched<'_>,
         body: &Answer,
@@ -143,7 +145,8 @@ impl<const T: usize> Contacts<T> {
         }
         let contact = &mut self.slots[self.count];
         self.count += 1;
-        ([contact.first, contact.second], contact.key, contact.friction) = (ids, key, friction);
+        ([contact.first, contact.second], contact.key) = (ids, key);
+        (contact.friction, contact.yields) = (friction, yields);
         contact.lay_out(patch, touched, body);
         // A part may touch a plane with several contacts.
         let last = self.last_slots[..self.last_count].iter().filter(|last| last.key == key);
@@ -183,6 +186,7 @@ impl<const T: usize> Contact<T> {
         from_normal: [[f32x4::ZERO; 4]; 3],
         from_tangents: [[[f32x4::ZERO; 4]; 2]; 2],
         mass_normal: f32x4::ZERO,
+        yields: 0.0,
         bearing: f32x4::ZERO,
         pressed_by: [f32x4::ZERO; 4],
         rubbed_by: [[[f32x4::ZERO; 4]; 2]; 2],
@@ -262,7 +266,7 @@ impl<const T: usize> Contact<T> {
                 self.response(2, 1, point, crossed[2]),
                 self.response(2, 2, point, shared[2]),
             ];
-            *mass = 1.0 / nn.as_array()[point];
+            *mass = 1.0 / (nn.as_array()[point] + self.yields);
             (self.from_normal[0][point], self.from_normal[1][point], self.from_normal[2][point]) = (nn, nx, ny);
             (self.from_tangents[0][0][point], self.from_tangents[0][1][point]) = (xx, xy);
             (self.from_tangents[1][0][point], self.from_tangents[1][1][point]) = (yx, yy);

@@ -25,6 +25,8 @@ pub(crate) struct Jaws {
     /// No finger closes faster than this.
     fastest_m_s: f32,
     force_n: f32,
+    /// Fingers are springs, which sink in by so much where they press on a face with their force; 0 if they are hard.
+    pub(crate) depth_m: f32,
     palm_m: Vec3,
     palm_velocity_m_s: Vec3,
     pub(crate) friction: f32,
@@ -134,6 +136,11 @@ impl Jaws {
     /// How far a finger along y, or the palm, has moved.
     fn moved_m(&self, which: usize) -> Vec3 {
         self.fingers.get(which).map_or(self.palm_m, |finger| self.palm_m.with_y(finger.y_m - finger.open_m))
+    }
+
+    /// How a point of a finger yields, as a contact has it, in substeps of this rate: a face has four. The palm is hard.
+    pub(super) fn yields(&self, which: usize, rate_hz: f32) -> f32 {
+        if which < 2 { 4.0 * self.depth_m / self.force_n * rate_hz * rate_hz } else { 0.0 }
     }
 
     /// Of a finger, along y; 0 of one that is fixed, and of the palm.

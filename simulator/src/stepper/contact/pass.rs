@@ -137,11 +137,13 @@ impl<const T: usize> Contact<T> {
         let gaps_m = self.gaps_m + self.ways_m[0];
         let rate = f32x4::splat(pass.rate_hz);
         let open = gaps_m.simd_gt(f32x4::ZERO);
-        let push = if pass.corrects {
-            ((gaps_m + f32x4::splat(SLOP_M)).fast_min(f32x4::ZERO) * f32x4::splat(pass.correction_1_s))
-                .fast_max(f32x4::splat(-CORRECTION_M_S_MAX))
-        } else {
-            f32x4::ZERO
+        let is_spring = self.yields > 0.0;
+        let push = match (pass.corrects, is_spring) {
+            (true, true) => gaps_m * rate,
+            (true, false) => ((gaps_m + f32x4::splat(SLOP_M)).fast_min(f32x4::ZERO)
+                * f32x4::splat(pass.correction_1_s))
+            .fast_max(f32x4::splat(-CORRECTION_M_S_MAX)),
+            (false, _) => f32x4::ZERO,
         };
         let normal_speeds = normal_speeds + open.bitselect(gaps_m * rate, push);
         let before = self.memory.normal;
@@ -153,18 +155,13 @@ impl<const T: usize> Contact<T> {
         if pass.corrects {
             tangent_speeds[0] += self.ways_m[1] * rate;
             tangent_speeds[1] += self.ways_m[2] * rate;
-            soft = open.bitselect(f32x4::ONE, f32x4::splat(pass.softness));
+            if !is_spring {
+                soft = open.bitselect(f32x4::ONE, f32x4::splat(pass.softness));
+            }
         }
-        let wanted = self.mass_normal * normal_speeds;
-        let change = (soft - f32x4::ONE) * before - soft * wanted;
-        let gains = product(&self.pressed_by, change);
-        let pressed = before + gains;
-        // What the others would want: to pull, from nothing.
-        let stay = (change - product(&self.from_normal[0], gains)).fast_max(before).simd_le(f32x4::ZERO);
-        if self.bearing.bitselect(pressed.simd_ge(f32x4::ZERO), stay).all() {
-            self.memory.normal = pressed;
-        } else {
-            self.press_each((before - wanted) * soft, soft);
+        // A spring keeps the speed that it gave: it presses by how deep it is when the substep ends.
+        if pass.corrects || !is_spring {
+            self.bear(normal_speeds + before * f32x4::splat(self.yields), soft);
         }
         let normal_gains = self.memory.normal - before;
         for (speeds, from) in tangent_speeds.iter_mut().zip(&self.from_normal[1..]) {
@@ -184,6 +181,22 @@ impl<const T: usize> Contact<T> {
         }
         let [x, y] = self.memory.friction;
         Some(self.push_of([normal_gains, x - before[0], y - before[1]]))
+    }
+
+    /// Changes the normal impulses by what ends these speeds.
+    #[inline(always)]
+    fn bear(&mut self, speeds: f32x4, soft: f32x4) {
+        let (before, wanted) = (self.memory.normal, self.mass_normal * speeds);
+        let change = (soft - f32x4::ONE) * before - soft * wanted;
+        let gains = product(&self.pressed_by, change);
+        let pressed = before + gains;
+        // What the others would want: to pull, from nothing.
+        let stay = (change - product(&self.from_normal[0], gains)).fast_max(before).simd_le(f32x4::ZERO);
+        if self.bearing.bitselect(pressed.simd_ge(f32x4::ZERO), stay).all() {
+            self.memory.normal = pressed;
+        } else {
+            self.press_each((before - wanted) * soft, soft);
+        }
     }
 
     /// Normal impulses, one after the other: none pulls.
