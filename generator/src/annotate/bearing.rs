@@ -18,8 +18,8 @@ const PULL_S: f32 = 0.25;
 /// The settings of every floating world. Blades and walls of cups are thinner than the 2 mm at which jaws have met in
 /// scenes: here nothing is left between them. Fingers sink in half as deep as there: they cut through edges.
 pub static PHYSICS: Physics = Physics { finger_depth_m_max: 0.000_05, ..Physics::STANDARD };
-/// See [`PHYSICS`].
-pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0001, ..Procedure::PAPER };
+/// See [`PHYSICS`]. A jaw that goes alone needs twice the time of two.
+pub static PROCEDURE: Procedure = Procedure { empty_width_m: 0.0001, close_time_s_max: 5.0, ..Procedure::PAPER };
 
 /// The six directions of the gripper's axes, out of the gripper first.
 pub(super) fn sides() -> [Vec3; 6] {
@@ -55,5 +55,26 @@ pub(super) fn loads(test: GripTest, gripper: &Gripper) -> Vec<Load> {
                 cycles: 2.0,
             })]
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+    use schema::{Pose, ShapeKind, Solid};
+    use simulator::FloatingWorld;
+
+    use super::*;
+
+    /// At 50 mm/s it takes 1.3 s to where the cube is, twice as long as two fingers.
+    #[test]
+    fn one_jaw_alone_comes_to_a_small_cube() {
+        let text = include_str!("../../../configs/grippers/parallel_jaw_80.toml");
+        let gripper = Gripper::from_toml(&format!("{text}\njaws = [{{}}, {{ slide_m = [0.0, -0.08, 0.0] }}]")).unwrap();
+        let cube = Solid::new(ShapeKind::Cuboid, Vec3::splat(0.015)).unwrap().into();
+        let world = FloatingWorld::new(&PHYSICS, &gripper, &PROCEDURE, &cube, 0.05, 0.6);
+        let grip = world.close(&Pose::from_translation(Vec3::new(0.0, 0.03, 0.005))).ok().unwrap();
+        assert!((grip.width_m() - 0.015).abs() < 5e-4, "{}", grip.width_m());
     }
 }
