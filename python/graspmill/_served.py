@@ -159,11 +159,10 @@ class ServedPlanner:
         patience = threading.Timer(self._patience_s, cut, [connection.sock])
         patience.start()
         try:
-            headers = {} if body is None else {"Content-Type": "application/json"}
-            connection.request("GET" if body is None else "POST", target, body, headers)
+            kind, headers = ("GET", {}) if body is None else ("POST", {"Content-Type": "application/json"})
+            connection.request(kind, target, body, headers)
             answer = connection.getresponse()
-            text = answer.read(ANSWER_BYTES_MAX + 1)
-            if len(text) > ANSWER_BYTES_MAX:
+            if len(text := answer.read(ANSWER_BYTES_MAX + 1)) > ANSWER_BYTES_MAX:
                 raise NoAnswer(f"an answer must have at most {ANSWER_BYTES_MAX} bytes")
             if answer.length or is_late.is_set():
                 raise http.client.IncompleteRead(text)
@@ -178,7 +177,8 @@ class ServedPlanner:
             return b""
         if not 200 <= answer.status < 300:
             location = answer.getheader("Location")
-            moved = "" if location is None else f", moved to {location}: give that address"
+            hint = ", is the address that of /predict?" if answer.status == 404 else ""
+            moved = hint if location is None else f", moved to {location}: give that address"
             said = "".join(letter for letter in f"{moved}: {text.decode(errors='replace')}" if letter.isprintable())
             raise NoAnswer(f"status {answer.status}{said[:400]}")
         return text

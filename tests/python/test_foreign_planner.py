@@ -124,7 +124,7 @@ def test_what_a_planner_does_ends_the_round_and_not_the_run(tmp_path):
         (grasps(DOWN | {"translation": ["0", 0, 0]}), "an answer must be the contract's"),
         (b"[" * 100_000, "an answer must be the contract's"), (grasps(DOWN | {"score": 1e39}), "finite in single precision"),
         (grasps(DOWN | {"gripper_width": float("inf")}), "finite in single precision"), (b" " * ((64 << 20) + 1), "at most 67108864 bytes"),
-        ((307, b"elsewhere"), "status 307: elsewhere"),
+        ((307, b"elsewhere"), "status 307: elsewhere"), ((404, b"where"), "status 404, is the address that of /predict?: where"),
         ((308, b"there", "http://127.0.0.1:1/predict"), "status 308, moved to http://127.0.0.1:1/predict: give that address: there"),
         (BROKEN, "IncompleteRead"), (None, "no answer in time"),
     ]  # fmt: skip
