@@ -60,8 +60,6 @@ pub(super) fn loads(test: GripTest, gripper: &Gripper) -> Vec<Load> {
 
 #[cfg(test)]
 mod tests {
-    #![expect(clippy::unwrap_used, reason = "a test may panic")]
-
     use schema::{Pose, ShapeKind, Solid};
     use simulator::FloatingWorld;
 
