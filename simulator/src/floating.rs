@@ -133,8 +133,8 @@ impl<'a> FloatingWorld<'a> {
         }
         let before = Placed::of(&stepper, world.gripper);
         let mut fingers = Stopping::new(world.physics, stepper.closed_m());
-        // What floats would drift on between two fingers that know nothing of each other. From when both press, they are
-        // tied as in a lift.
+        // What floats would drift on between two fingers that know nothing of each other. From when both press, they
+        // are tied as in a lift.
         let mut asymmetry_m = None;
         for step in skipped..world.physics.steps(world.procedure.close_time_s_max) {
             stepper.step();

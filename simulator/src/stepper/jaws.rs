@@ -138,7 +138,8 @@ impl Jaws {
         self.fingers.get(which).map_or(self.palm_m, |finger| self.palm_m.with_y(finger.y_m - finger.open_m))
     }
 
-    /// How a point of a finger yields, as a contact has it, in substeps of this rate: a face has four. The palm is hard.
+    /// How a point of a finger yields, as a contact has it, in substeps of this rate: a face has four. The palm is
+    /// hard.
     pub(super) fn yields(&self, which: usize, rate_hz: f32) -> f32 {
         if which < 2 { 4.0 * self.depth_m / self.force_n * rate_hz * rate_hz } else { 0.0 }
     }
