@@ -51,6 +51,7 @@ pub(crate) const OVER_M: f32 = 0.5 * HEIGHT_OFF_SHARE * TALL_M;
 /// Walls lean outwards by at most this many metres a metre, tried in such steps.
 const SLOPES: usize = 22;
 const SLOPE_STEP: f32 = 0.025;
+const SLOPE_MAX: f32 = SLOPES as f32 * SLOPE_STEP;
 /// What hangs has nothing below it for this long.
 const HANGING_M: f32 = 0.02;
 /// Behind a wall, up to this far, nothing is to be had.
@@ -114,8 +115,7 @@ impl Wall {
             let at_m = eye_m.lerp(point_m, before_m / (before_m - behind_m));
             let is_below = at_m.z < self.bottom_m - OUTER_M && self.is_along(self.place_m(at_m)[1], 0.0);
             // Before the foot of a wall that leans outwards one sees ground under its edge.
-            let foot_m = SLOPES as f32 * SLOPE_STEP * (self.top_m - point_m.z).max(0.0);
-            before_m < 0.0 && behind_m > OUTER_M + foot_m && is_below
+            before_m < 0.0 && is_below && behind_m > OUTER_M + SLOPE_MAX * (self.top_m - point_m.z).max(0.0)
         };
         let is_through_board = |eye_m: Vec3, point_m: Vec3| {
             let [above_m, below_m] = [eye_m.z - self.bottom_m, self.bottom_m - point_m.z];
@@ -400,7 +400,7 @@ impl Ridge {
         let is_upper = |point: &&&Vec3| wall.top_m - point.z < LOWER_M;
         let upper = edge.iter().filter(is_upper).map(|point| point.truncate().dot(inward));
         wall.offset_m = median(upper).unwrap_or(wall.offset_m);
-        let widest = Wall { slope: SLOPES as f32 * SLOPE_STEP, ..wall };
+        let widest = Wall { slope: SLOPE_MAX, ..wall };
         let near = points_m.iter().filter(|point| widest.has(**point) && point.z < wall.top_m);
         let near_m: Vec<[f32; 2]> = near.map(|point| [wall.place_m(*point)[0], wall.top_m - point.z]).collect();
         let on_it =
