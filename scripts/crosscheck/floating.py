@@ -112,7 +112,7 @@ class FloatingRunner(Runner):
 
     def _close_and_lift(self, attempt: Attempt, pose: Pose) -> Execution:
         self._asymmetry_m: float | None = None
-        width_m = self._close(self._tie)
+        width_m = self._close(self._steady)
         if width_m <= self._procedure.empty_width_m:
             return Execution("empty", None, width_m)
         if self._asymmetry_m is None:
@@ -127,8 +127,8 @@ class FloatingRunner(Runner):
                 return Execution("slipped", None, width_m, most_m)
         return Execution("held", None, width_m, most_m)
 
-    def _tie(self) -> None:
-        """From when both fingers press they are tied as in a lift: what floats would drift on between them."""
+    def _steady(self) -> None:
+        """Slows what jaws that are not alike push; fingers that both press are tied as in a lift: between them it would drift on."""
         if self._gripper.jaws:
             self._floating.slow(1 / (1 + CLOSING_DAMPING_1_S / self._engine.step_rate_hz))
         if self._asymmetry_m is None and self._engine.grips(0):

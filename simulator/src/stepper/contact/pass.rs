@@ -138,12 +138,13 @@ impl<const T: usize> Contact<T> {
         let rate = f32x4::splat(pass.rate_hz);
         let open = gaps_m.simd_gt(f32x4::ZERO);
         let is_spring = self.yields > 0.0;
-        let push = match (pass.corrects, is_spring) {
-            (true, true) => gaps_m * rate,
-            (true, false) => ((gaps_m + f32x4::splat(SLOP_M)).fast_min(f32x4::ZERO)
-                * f32x4::splat(pass.correction_1_s))
-            .fast_max(f32x4::splat(-CORRECTION_M_S_MAX)),
-            (false, _) => f32x4::ZERO,
+        let push = if is_spring {
+            gaps_m * rate
+        } else if pass.corrects {
+            ((gaps_m + f32x4::splat(SLOP_M)).fast_min(f32x4::ZERO) * f32x4::splat(pass.correction_1_s))
+                .fast_max(f32x4::splat(-CORRECTION_M_S_MAX))
+        } else {
+            f32x4::ZERO
         };
         let normal_speeds = normal_speeds + open.bitselect(gaps_m * rate, push);
         let before = self.memory.normal;
@@ -155,9 +156,7 @@ impl<const T: usize> Contact<T> {
         if pass.corrects {
             tangent_speeds[0] += self.ways_m[1] * rate;
             tangent_speeds[1] += self.ways_m[2] * rate;
-            if !is_spring {
-                soft = open.bitselect(f32x4::ONE, f32x4::splat(pass.softness));
-            }
+            soft = if is_spring { soft } else { open.bitselect(soft, f32x4::splat(pass.softness)) };
         }
         // A spring keeps the speed that it gave: it presses by how deep it is when the substep ends.
         if pass.corrects || !is_spring {
