@@ -1,5 +1,5 @@
 //! Evaluates a checkpoint on a dataset: accuracy, precision, recall and confusion, also by shape and by rule;
-//! ranking and calibration; errors of the grasps.
+//! ranking and calibration.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -10,7 +10,6 @@ use std::sync::atomic::AtomicBool;
 use network::checkpoint::Checkpoint;
 use network::{Architecture, checkpoint};
 use program::{ExitCode, Failure};
-use schema::Rule;
 use serde::Serialize;
 use settings::words;
 use shards::{Dataset, Location};
@@ -27,7 +26,7 @@ use crate::method::{FoundBy, Method};
 use crate::metrics::{Summary, Tally, summaries, tallies};
 use crate::order::{SceneOrder, steps_in_order};
 use crate::results::Found;
-use crate::scores::{Calibration, GraspErrors, Ranking, Score, calibration, interval_by_scene, ranking, score};
+use crate::scores::{Calibration, Ranking, Score, calibration, interval_by_scene, ranking, score};
 use crate::split::split;
 use crate::voxel::Voxel;
 
@@ -66,14 +65,8 @@ pub struct Evaluation {
     pub ranking: Ranking,
     /// Predicted against observed shares.
     pub calibration: Calibration,
-    /// Errors of orientation and width.
-    pub errors: GraspErrors,
-    /// The same of those with a quality above 0.9, the paper's ε.
-    pub errors_of_sure: GraspErrors,
     /// By target shape, with names as in the shards.
     pub by_shape: BTreeMap<&'static str, Summary>,
-    /// By rule of Appendix A: shape and approach axis.
-    pub by_rule: BTreeMap<&'static str, Summary>,
     /// What only a judge is asked.
     #[serde(rename = "hands", skip_serializing_if = "Option::is_none")]
     pub grippers: Option<JudgeScores>,
@@ -118,11 +111,10 @@ fn evaluated<M: Method>(
         .into_values()
         .map(|tally| (tally.confusion.true_positive + tally.confusion.true_negative, tally.confusion.count()))
         .collect();
-    let by =
-        |key: fn(&Rule) -> &'static str| summaries(found.iter().map(|(sample, result)| (key(&sample.id.rule), result)));
+    let by_shape = found.iter().map(|(sample, result)| (sample.id.rule.shape.kind_name(), result));
     let mut all = Tally::default();
     found.iter().for_each(|(_, result)| all.add(slice::from_ref(result)));
-    let ([errors, errors_of_sure], grippers) = M::own_scores(&found, dataset.info().grid.voxel_size_m());
+    let grippers = M::own_scores(&found);
     Ok(Evaluation {
         epoch: checkpoint.progress.epoch,
         step: checkpoint.progress.step,
@@ -134,10 +126,7 @@ fn evaluated<M: Method>(
         accuracy_95_by_scene: interval_by_scene(&scenes),
         ranking: ranking(&scores),
         calibration: calibration(&scores),
-        errors,
-        errors_of_sure,
-        by_shape: by(|rule| rule.shape.kind_name()),
-        by_rule: by(|rule| rule.name()),
+        by_shape: summaries(by_shape),
         grippers,
     })
 }
@@ -198,7 +187,7 @@ fn trained_on(checkpoint: &Checkpoint, dataset: &Dataset, set: TestSet) -> Resul
     Ok(is.to_owned())
 }
 
-fn must_be_finite<D, A>(found: &[Found<D, A>], path: &Path) -> Result<(), Failure> {
+fn must_be_finite<D>(found: &[Found<D>], path: &Path) -> Result<(), Failure> {
     let Some((Sample { id, .. }, result)) = found.iter().find(|(_, result)| !result.total.is_finite()) else {
         return Ok(());
     };

@@ -4,7 +4,7 @@ mod sample;
 pub mod scores;
 pub mod step;
 
-pub use sample::{JudgeAnswer, JudgeSample};
+pub use sample::JudgeSample;
 
 use std::sync::Arc;
 
@@ -15,8 +15,8 @@ use crate::batch::{Batch, Scene};
 use crate::data::Shard;
 use crate::data::split_bits::{FAILED, HELD, HITS_TABLE};
 use crate::method::{Epoch, Method};
-use crate::scores::GraspErrors;
-use sample::{Found, Sample, SampleResult, StepResult};
+use crate::results::{SampleResult, StepResult};
+use sample::{Found, Sample};
 use scores::{JudgeScores, judge_scores};
 
 /// A judge of some grippers: those of the first dataset, then those of the next.
@@ -36,7 +36,6 @@ impl Judge {
 
 impl Method for Judge {
     type Data = JudgeSample;
-    type Answer = JudgeAnswer;
 
     fn takes(_: &Grid) -> bool {
         true
@@ -84,7 +83,7 @@ impl Method for Judge {
         step::evaluate(vector, batch, &self.crops)
     }
 
-    fn own_scores(found: &[Found], _: f32) -> ([GraspErrors; 2], Option<JudgeScores>) {
-        (Default::default(), Some(judge_scores(found)))
+    fn own_scores(found: &[Found]) -> Option<JudgeScores> {
+        Some(judge_scores(found))
     }
 }

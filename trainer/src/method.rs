@@ -9,7 +9,6 @@ use crate::batch::{Batch, Sample, Scene};
 use crate::data::Shard;
 use crate::judge::scores::JudgeScores;
 use crate::results::{Found, SampleResult, StepResult};
-use crate::scores::GraspErrors;
 use crate::split::LabelCount;
 
 /// What decides how training samples are changed.
@@ -24,15 +23,12 @@ pub struct Epoch {
 }
 
 /// A sample of a method and its result.
-pub type FoundBy<M> = Found<<M as Method>::Data, <M as Method>::Answer>;
+pub type FoundBy<M> = Found<<M as Method>::Data>;
 
 /// A method, with what it needs besides the weights.
 pub trait Method: Debug + Send + Sync {
     /// What a sample has besides its grid.
     type Data: Copy + Debug + Send + Sync + 'static;
-
-    /// What only this method predicts of a sample.
-    type Answer: Copy + Debug + Send + Sync + 'static;
 
     /// The samples of a scene of a shard, seen from `views` (in a survey none), by attempt; and how many have none.
     fn samples(&self, shard: &Shard<'_>, attempts: &[AttemptRecord], views: usize) -> (Vec<Sample<Self::Data>>, u64);
@@ -47,14 +43,16 @@ pub trait Method: Debug + Send + Sync {
     fn change(&self, epoch: &Epoch, scene: &Scene<Self::Data>, own: &mut [Sample<Self::Data>]) -> Arc<[f32]>;
 
     /// Loss and gradient of a batch.
-    fn step(&self, vector: &[f32], batch: &Batch<Self::Data>) -> StepResult<Self::Answer>;
+    fn step(&self, vector: &[f32], batch: &Batch<Self::Data>) -> StepResult;
 
     /// Losses and predictions of a batch, without a gradient.
-    fn evaluate(&self, vector: &[f32], batch: &Batch<Self::Data>) -> Vec<SampleResult<Self::Answer>>;
+    fn evaluate(&self, vector: &[f32], batch: &Batch<Self::Data>) -> Vec<SampleResult>;
 
-    /// What only this method's results have: the errors of its grasps, of all and of the sure ones, or a judge's
-    /// scores.
-    fn own_scores(found: &[FoundBy<Self>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<JudgeScores>)
+    /// A judge's scores.
+    fn own_scores(_: &[FoundBy<Self>]) -> Option<JudgeScores>
     where
-        Self: Sized;
+        Self: Sized,
+    {
+        None
+    }
 }

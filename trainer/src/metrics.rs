@@ -30,7 +30,7 @@ impl Tally {
     }
 
     /// Counts samples.
-    pub fn add<A>(&mut self, samples: &[SampleResult<A>]) {
+    pub fn add(&mut self, samples: &[SampleResult]) {
         for sample in samples {
             self.confusion.add(sample.label, sample.quality_logit > 0.0);
             let losses = [sample.total, sample.quality, sample.rotation, sample.width];
@@ -92,16 +92,14 @@ pub struct Summary {
 }
 
 /// The summary of each group of results.
-pub(crate) fn summaries<'a, A: 'a>(
-    results: impl Iterator<Item = (&'static str, &'a SampleResult<A>)>,
+pub(crate) fn summaries<'a>(
+    results: impl Iterator<Item = (&'static str, &'a SampleResult)>,
 ) -> BTreeMap<&'static str, Summary> {
     tallies(results).into_iter().map(|(name, tally)| (name, tally.summary())).collect()
 }
 
 /// The sums of each group of results.
-pub(crate) fn tallies<'a, K: Ord, A: 'a>(
-    results: impl Iterator<Item = (K, &'a SampleResult<A>)>,
-) -> BTreeMap<K, Tally> {
+pub(crate) fn tallies<'a, K: Ord>(results: impl Iterator<Item = (K, &'a SampleResult)>) -> BTreeMap<K, Tally> {
     let mut tallies = BTreeMap::<K, Tally>::new();
     for (key, result) in results {
         tallies.entry(key).or_default().add(std::slice::from_ref(result));

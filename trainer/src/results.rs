@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use crate::batch::Sample;
 
-/// The losses of a sample and the network's prediction, with what only its method predicts.
+/// The losses of a sample and the network's prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SampleResult<A> {
+pub struct SampleResult {
     /// Eq. 5; of a judge the quality's.
     pub total: f32,
     /// Eq. 2, times the sample's weight; of a judge the cross-entropy of the outcomes.
@@ -19,24 +19,24 @@ pub struct SampleResult<A> {
     pub quality_logit: f32,
     /// The true label.
     pub label: u8,
-    /// What only the method predicts.
-    pub answer: A,
+    /// Of a judge, where the attempt was repeated: the share of repeats that is expected to hold, and the true one.
+    pub robustness: Option<[f32; 2]>,
 }
 
 /// A sample of a set and its result, in memory for each.
-pub type Found<D, A> = (Sample<D>, SampleResult<A>);
+pub type Found<D> = (Sample<D>, SampleResult);
 
 /// The gradient of a batch's mean loss, and the results of its samples, in the batch's order.
 #[derive(Debug, Clone)]
-pub struct StepResult<A> {
+pub struct StepResult {
     /// Gradient in the order of the flat parameter vector.
     pub gradient: Vec<f32>,
     /// One result per sample.
-    pub samples: Vec<SampleResult<A>>,
+    pub samples: Vec<SampleResult>,
 }
 
 /// Adds the gradients of parts, each value in the order of parts.
-pub(crate) fn sum<A: Send + Sync>(parameters: usize, parts: Vec<StepResult<A>>) -> StepResult<A> {
+pub(crate) fn sum(parameters: usize, parts: Vec<StepResult>) -> StepResult {
     let mut gradient = vec![-0.0; parameters]; // adding to −0 changes no bit of a number
     let chunk = parameters.div_ceil(64);
     gradient.par_chunks_mut(chunk).enumerate().for_each(|(number, sum)| {

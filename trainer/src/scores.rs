@@ -1,8 +1,8 @@
 //! Scores of the predicted qualities of a set besides the accuracy at ½: ranking (average precision, ROC), calibration,
-//! errors of the grasps, and confidence intervals for samples that are correlated within a scene.
+//! and confidence intervals for samples that are correlated within a scene.
 
 use network::checkpoint::Confusion;
-use schema::statistics::{bootstrap, bootstrap_share, quantile};
+use schema::statistics::{bootstrap, bootstrap_share};
 use serde::Serialize;
 
 use crate::results::SampleResult;
@@ -25,7 +25,7 @@ impl Score {
 }
 
 /// The score of a result.
-pub(crate) fn score<A>(result: &SampleResult<A>) -> Score {
+pub(crate) fn score(result: &SampleResult) -> Score {
     Score { logit: result.quality_logit, held: result.label == 1 }
 }
 
@@ -124,49 +124,6 @@ pub fn calibration(scores: &[Score]) -> Calibration {
     }
 }
 
-/// Errors of the predicted grasps over held attempts; failed attempts have no true grasp.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct GraspErrors {
-    /// Held attempts.
-    pub samples: usize,
-    /// Angle between the predicted and the true orientation, or the latter after half a turn about its approach, in
-    /// degrees.
-    pub rotation_deg: Option<Spread>,
-    /// Angle between the predicted and the true approach, in degrees.
-    pub approach_deg: Option<Spread>,
-    /// Angle between the predicted and the true closing direction or its opposite, in degrees.
-    pub closing_deg: Option<Spread>,
-    /// Absolute difference of predicted and true opening, in millimetres.
-    pub width_mm: Option<Spread>,
-}
-
-/// Summary of errors.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Spread {
-    /// Mean.
-    pub mean: f64,
-    /// Median.
-    pub median: f64,
-    /// 90th percentile.
-    pub p90: f64,
-}
-
-impl Spread {
-    /// Summary of values in any order, with linearly interpolated quantiles; `None` without values.
-    #[must_use]
-    pub fn of(mut values: Vec<f64>) -> Option<Self> {
-        values.sort_by(f64::total_cmp);
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        Some(Self { mean, median: quantile(&values, 0.5)?, p90: quantile(&values, 0.9)? })
-    }
-}
-
-/// The angle of a rotation loss `1 − |r̂·r|` (Eq. 3), in degrees.
-#[must_use]
-pub fn rotation_error_deg(loss: f32) -> f64 {
-    2.0 * libm::acos((1.0 - f64::from(loss)).clamp(0.0, 1.0)).to_degrees()
-}
-
 /// Number of bootstrap draws.
 const DRAWS: u32 = 1000;
 
@@ -215,6 +172,8 @@ pub fn average_precision_by_scene(samples: &[(u32, Score)]) -> Option<(f64, f64)
 mod tests {
     use proptest::prelude::*;
 
+    use schema::statistics::quantile;
+
     use super::*;
     use schema::{Purpose, Stream};
 
@@ -250,17 +209,6 @@ mod tests {
         assert_eq!((found.bins[0].predicted, found.bins[0].observed_95), (None, (0.0, 1.0)));
         assert!((found.brier - 3.0 * 0.25 / 4.0).abs() < 1e-12);
         assert!((found.expected_error - 0.75 * (0.5 - 1.0 / 3.0)).abs() < 1e-12);
-    }
-
-    #[test]
-    fn quantiles_lie_between_neighbours_and_angles_are_those_of_the_loss() {
-        let spread = Spread::of(vec![4.0, 1.0, 3.0, 2.0]).unwrap();
-        assert_eq!((spread.mean, spread.median), (2.5, 2.5));
-        assert!((spread.p90 - 3.7).abs() < 1e-12);
-        assert_eq!(Spread::of(Vec::new()), None);
-        assert!((rotation_error_deg(1.0 - core::f32::consts::FRAC_1_SQRT_2) - 90.0).abs() < 1e-4);
-        assert_eq!(rotation_error_deg(0.0), 0.0);
-        assert_eq!(rotation_error_deg(-1e-7), 0.0);
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 pub mod augmentation;
 pub mod closing_loss;
-mod errors;
 #[cfg(feature = "graph")]
 pub mod graph;
 pub mod loss;
@@ -21,21 +20,12 @@ use crate::config::VoxelConfig;
 use crate::data::Shard;
 use crate::data::split_bits::{FAILED, HELD};
 use crate::device::Device;
-use crate::judge::scores::JudgeScores;
 use crate::method::{Epoch, Method};
-use crate::results;
-use crate::scores::GraspErrors;
+use crate::results::{SampleResult, StepResult};
 use augmentation::Augmentation;
-use errors::errors;
 use loss::{ClassWeights, Target};
 
 type Sample = crate::batch::Sample<VoxelSample>;
-/// The predicted orientation as a unit quaternion xyzw.
-pub type Answer = [f32; 4];
-/// A voxel's losses and prediction.
-pub type SampleResult = results::SampleResult<Answer>;
-type StepResult = results::StepResult<Answer>;
-type Found = results::Found<VoxelSample, Answer>;
 
 /// A supervised voxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,7 +67,6 @@ impl Voxel {
 
 impl Method for Voxel {
     type Data = VoxelSample;
-    type Answer = Answer;
 
     fn takes(grid: &Grid) -> bool {
         grid.resolution == RESOLUTION
@@ -120,12 +109,6 @@ impl Method for Voxel {
 
     fn evaluate(&self, vector: &[f32], batch: &Batch<VoxelSample>) -> Vec<SampleResult> {
         step::evaluate(vector, batch, &self.params, &self.device)
-    }
-
-    fn own_scores(found: &[Found], voxel_size_m: f32) -> ([GraspErrors; 2], Option<JudgeScores>) {
-        // Those with more than the paper's ε = 0.9.
-        let sure = found.iter().filter(|(_, result)| result.quality_logit > libm::logf(9.0));
-        ([errors(found.iter(), voxel_size_m), errors(sure, voxel_size_m)], None)
     }
 }
 

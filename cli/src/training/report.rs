@@ -9,7 +9,7 @@ use report::document::{Block, Cell, Document, Table};
 use trainer::evaluate::Evaluation;
 use trainer::judge::scores::JudgeScores;
 use trainer::metrics::Summary;
-use trainer::scores::{BINS, GraspErrors, Spread};
+use trainer::scores::BINS;
 
 /// Writes `evaluation.html` and `evaluation.json` into a folder, which is made if it is not there, in place of what
 /// these files held.
@@ -30,7 +30,6 @@ pub(crate) fn document(evaluation: &Evaluation) -> Document {
         add("By outcome", kinds("outcome", &scores.by_outcome));
     }
     add("By shape", kinds("shape", &evaluation.by_shape));
-    add("By rule", kinds("rule", &evaluation.by_rule));
     add("Calibration", bins(evaluation));
     Document { title: "Evaluation".to_owned(), blocks, ..Document::default() }
 }
@@ -45,7 +44,6 @@ fn numbers(evaluation: &Evaluation) -> Table {
         row("set", format!("{}: {} samples of {scenes} scenes", split.name(), all.samples)),
         row("loss (Eq. 5)", format!("{:.4}", all.loss)),
         row("accuracy (Eq. 6)", number(all.accuracy)),
-        row("95 % interval, samples drawn (Wilson)", range(Some(all.accuracy_95))),
         row("95 % interval, scenes drawn (bootstrap)", range(evaluation.accuracy_95_by_scene)),
         row("accuracy of always \"failure\"", number(all.baseline_accuracy)),
         row("precision, recall at ½", format!("{}, {}", number(all.precision), number(all.recall))),
@@ -58,21 +56,8 @@ fn numbers(evaluation: &Evaluation) -> Table {
     ];
     if let Some(scores) = &evaluation.grippers {
         rows.extend(of_judge(scores));
-    } else {
-        rows.extend(off_by("held attempts", &evaluation.errors));
-        rows.extend(off_by("held attempts with a quality above 0.9", &evaluation.errors_of_sure));
     }
     Table::new(["what", "value"], rows)
-}
-
-/// How far off the grasps are.
-fn off_by(which: &str, errors: &GraspErrors) -> [Vec<Cell>; 4] {
-    [
-        row(format!("error of rotation, {} {which}", errors.samples), spread(errors.rotation_deg, "°")),
-        row("… of its approach", spread(errors.approach_deg, "°")),
-        row("… of its closing direction", spread(errors.closing_deg, "°")),
-        row("error of width, the same", spread(errors.width_mm, " mm")),
-    ]
 }
 
 /// What only a judge's evaluation has.
@@ -80,10 +65,8 @@ fn of_judge(scores: &JudgeScores) -> Vec<Vec<Cell>> {
     let JudgeScores { table_free: free, scenes_with_held, best_held, best_held_95, robustness, .. } = scores;
     let mut rows = vec![
         row(format!("accuracy, {} attempts that do not hit the table", free.all.samples), number(free.all.accuracy)),
-        row("accuracy of always \"failure\", the same", number(free.all.baseline_accuracy)),
         row("average precision, the same", number(free.average_precision)),
         row("95 % interval, scenes drawn (bootstrap)", range(scores.average_precision_95_by_scene)),
-        row("area under the ROC curve, the same", number(free.roc_auc)),
         row(format!("best grasp of a scene holds, {scenes_with_held} scenes"), number(*best_held)),
         row("95 % interval (Wilson)", range(*best_held_95)),
     ];
@@ -128,9 +111,4 @@ fn number(value: Option<f64>) -> String {
 
 fn range(range: Option<(f64, f64)>) -> String {
     range.map_or_else(|| "–".to_owned(), |(low, high)| format!("{low:.3} to {high:.3}"))
-}
-
-fn spread(spread: Option<Spread>, unit: &str) -> String {
-    let Some(Spread { mean, median, p90 }) = spread else { return "–".to_owned() };
-    format!("mean {mean:.1}{unit}, median {median:.1}{unit}, nine of ten below {p90:.1}{unit}")
 }

@@ -2,13 +2,9 @@
 
 use schema::{Outcome, Pose};
 
-use crate::results;
-
 /// A sample of a judge.
 pub(super) type Sample = crate::batch::Sample<JudgeSample>;
-pub(super) type SampleResult = results::SampleResult<JudgeAnswer>;
-pub(super) type StepResult = results::StepResult<JudgeAnswer>;
-pub(super) type Found = results::Found<JudgeSample, JudgeAnswer>;
+pub(super) type Found = crate::results::Found<JudgeSample>;
 
 /// What a judge is asked, and how the attempt ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,7 +24,3 @@ pub struct JudgeSample {
     /// Whether the gripper hits the table, so that nothing is asked.
     pub hits_table: bool,
 }
-
-/// What only a judge predicts, where the attempt was repeated: the share of its repeats that are expected to hold, and
-/// the true one.
-pub type JudgeAnswer = Option<[f32; 2]>;

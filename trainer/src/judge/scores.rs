@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use network::checkpoint::Confusion;
 use serde::Serialize;
 
-use super::sample::{Found, SampleResult};
+use super::sample::Found;
 use crate::metrics::{Summary, Tally, summaries};
+use crate::results::SampleResult;
 use crate::scores::{Ranking, Score, average_precision_by_scene, calibration, ranking, score};
 
 /// Results of a judge that those over all samples hide.
@@ -46,7 +47,7 @@ pub struct RobustnessScores {
 impl RobustnessScores {
     fn of(found: &[Found]) -> Option<Self> {
         let pairs: Vec<[f64; 2]> =
-            found.iter().filter_map(|(_, result)| result.answer).map(|pair| pair.map(f64::from)).collect();
+            found.iter().filter_map(|(_, result)| result.robustness).map(|pair| pair.map(f64::from)).collect();
         let over_all = |value: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(value).sum::<f64>() / pairs.len() as f64;
         let mean = over_all(&|[_, share]| *share);
         (!pairs.is_empty()).then(|| Self {

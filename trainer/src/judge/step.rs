@@ -10,9 +10,10 @@ use network::judge::{
 use rayon::prelude::*;
 use schema::Vec3;
 
-use super::sample::{JudgeAnswer, JudgeSample, Sample, SampleResult, StepResult};
+use super::sample::{JudgeSample, Sample};
 use crate::batch::Batch;
 use crate::results::sum;
+use crate::results::{SampleResult, StepResult};
 
 /// Samples of a part of a batch, which one thread computes. It does not depend on the number of threads, so neither do
 /// results.
@@ -80,9 +81,9 @@ fn results(seen: &JudgeActivations, samples: &[Sample]) -> impl Iterator<Item = 
     })
 }
 
-fn result(loss: f32, quality_logit: f32, answer: JudgeAnswer, sample: &Sample) -> SampleResult {
+fn result(loss: f32, quality_logit: f32, robustness: Option<[f32; 2]>, sample: &Sample) -> SampleResult {
     let label = sample.data.outcome.label();
-    SampleResult { total: loss, quality: loss, rotation: 0.0, width: 0.0, quality_logit, label, answer }
+    SampleResult { total: loss, quality: loss, rotation: 0.0, width: 0.0, quality_logit, label, robustness }
 }
 
 /// The gradient of `weight` times the cross-entropies at the logits.

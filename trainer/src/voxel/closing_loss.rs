@@ -11,8 +11,8 @@
 use network::head::{ClosingsHead, TURNS, shares_of, turn_of, waves};
 use schema::Vec3;
 
-use super::SampleResult;
 use super::loss::{Target, WIDTH_WEIGHT, apart, quality_loss, quality_slope, target_width};
+use crate::results::SampleResult;
 
 /// Weight of L_φ.
 pub const TURN_WEIGHT: f32 = 0.3;
@@ -37,7 +37,7 @@ pub fn sample_loss(head: &ClosingsHead, target: &Target) -> SampleResult {
         let tips: f32 = head.tips_voxels.iter().zip(target.tips_voxels).map(|(own, to)| (own - to) * (own - to)).sum();
         total += approach + TURN_WEIGHT * surprise + WIDTH_WEIGHT * width + TIPS_WEIGHT * tips;
     }
-    SampleResult { total, quality, rotation, width, quality_logit, label: target.label, answer: predicted }
+    SampleResult { total, quality, rotation, width, quality_logit, label: target.label, robustness: None }
 }
 
 /// The gradient of `weight` · L at the outputs.

@@ -15,7 +15,7 @@ use network::head::Head;
 use network::layers::NORM_SQUARED_MIN;
 use schema::Quat;
 
-use super::SampleResult;
+use crate::results::SampleResult;
 
 /// k of Eq. 5: the weight of the squared error of the width in voxels.
 pub const WIDTH_WEIGHT: f32 = 0.01;
@@ -156,7 +156,7 @@ pub fn sample_loss(outputs: &Outputs, target: &Target) -> SampleResult {
     let off = width - target_width(target);
     let width = off * off * label;
     let total = quality + rotation + width * WIDTH_WEIGHT;
-    SampleResult { total, quality, rotation, width, quality_logit: logit, label: target.label, answer: unit }
+    SampleResult { total, quality, rotation, width, quality_logit: logit, label: target.label, robustness: None }
 }
 
 /// The gradient of `weight` · L at the outputs.

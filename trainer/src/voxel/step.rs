@@ -8,10 +8,11 @@ use network::head::{ClosingsHead, Head};
 use network::{VoxelNetwork, VoxelParams};
 
 use super::loss::Target;
-use super::{SampleResult, StepResult, VoxelSample, closing_loss, loss};
+use super::{VoxelSample, closing_loss, loss};
 use crate::batch::Batch;
 use crate::device::Device;
 use crate::results::sum;
+use crate::results::{SampleResult, StepResult};
 
 /// Loss and gradient of a batch. Parts of the batch run in parallel; their gradients are added in order, so the result
 /// does not depend on the number of threads.

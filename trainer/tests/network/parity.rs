@@ -12,7 +12,7 @@ use schema::Quat;
 use trainer::adam;
 use trainer::batch::Batch;
 use trainer::device::Device::Host;
-use trainer::voxel::SampleResult;
+use trainer::results::SampleResult;
 use trainer::voxel::VoxelSample;
 use trainer::voxel::loss::Target;
 use trainer::voxel::step::step;

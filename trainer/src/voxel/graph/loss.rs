@@ -99,7 +99,7 @@ mod tests {
     use schema::{Vec3, axis_angle};
 
     use super::*;
-    use crate::voxel::SampleResult;
+    use crate::results::SampleResult;
     use crate::voxel::graph::step::prediction_of;
     use crate::voxel::loss::{loss_gradient, sample_loss};
 

@@ -13,8 +13,8 @@ use super::columns::{first_columns, input_rows};
 use super::doubling::{double_patches, doublings};
 use super::loss::{Prediction, SampleLosses, Targets, normalise, sample_losses};
 use super::{parameters, to_device};
+use crate::results::{SampleResult, StepResult};
 use crate::voxel::parts::BatchPart;
-use crate::voxel::{SampleResult, StepResult};
 
 /// The gradient of `weight` times the losses of a part of a batch, by autodiff. Graphs without a common leaf have no
 /// common lock, so each part copies the parameters and runs on its own thread.
@@ -150,7 +150,7 @@ fn results(part: &BatchPart<'_>, prediction: Prediction, losses: SampleLosses) -
             width: width[at],
             quality_logit: logits[at],
             label: target.label,
-            answer: *unit,
+            robustness: None,
         })
         .collect()
 }
