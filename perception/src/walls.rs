@@ -4,12 +4,15 @@
 //! handle. Two that face each other and are as long, or three at right angles that meet, enclose a floor, and no
 //! object's width lies between them. Where the other walls must be, the points that were seen are theirs.
 
+mod sides;
+
 use core::f32::consts::{FRAC_PI_2, PI};
 
 use schema::{Vec2, Vec3};
 
 use crate::heights::{CELL_M, FLOOR_M, Heights};
 use crate::table::median;
+use sides::{below, board, completed, corner, enclosing};
 
 /// Walls are compared up to this height above the table: of higher ones a view shows more here and less there.
 const TALL_M: f32 = 0.10;
@@ -70,7 +73,7 @@ pub struct Wall {
     pub ends_m: [f32; 2],
     /// Height of its upper edge in the cloud's frame, in metres.
     pub top_m: f32,
-    /// Height of its lower edge, as far as it was seen without a gap.
+    /// Height of its lower edge, as far as it was seen without a gap; of a side that is open that of the upper one.
     pub bottom_m: f32,
     /// How far it comes inwards below that edge, in metres a metre.
     pub slope: f32,
@@ -105,31 +108,40 @@ impl Wall {
         self.is_along(along_m, BEHIND_M) && (-BEHIND_M..0.0).contains(&in_m)
     }
 
-    /// Whether it hangs over the table, so that a board lies behind it, of which nobody sees more from before it: an
-    /// eye sees points behind the wall through where the wall would be if it stood, however it leaned, and if nothing
-    /// of its edge was seen, as of a thin one, none through the board.
+    /// The front edge of a board that lies behind it, if it hangs over the table: an eye sees points between it and
+    /// other walls through where it would be if it stood, however it leaned. If little of its edge was seen, as of a
+    /// thin one or where the image ends below it, the board is over all that was seen, unless that is too high for
+    /// these walls; it is seen if anything but walls was seen there.
     #[must_use]
-    pub fn hangs(&self, points_m: &[Vec3], eyes_m: &[Vec3], table_z_m: f32) -> bool {
-        let is_through = |eye_m: Vec3, point_m: Vec3| {
+    pub fn board(&self, walls: &[Self], points_m: &[Vec3], eyes_m: &[Vec3], table_z_m: f32) -> Option<Self> {
+        let depth_m = walls.iter().flat_map(Self::edge_m).map(|at| self.place_m(at)[0]).fold(0.0, f32::max);
+        // The heights of a line of sight at the wall and a little behind it.
+        let through = |eye_m: Vec3, point_m: Vec3| {
             let [[before_m, _], [behind_m, _]] = [eye_m, point_m].map(|point_m| self.place_m(point_m));
-            let at_m = eye_m.lerp(point_m, before_m / (before_m - behind_m));
-            let is_below = at_m.z < self.bottom_m - OUTER_M && self.is_along(self.place_m(at_m)[1], 0.0);
+            let at = |in_m: f32| eye_m.lerp(point_m, (before_m - in_m) / (before_m - behind_m));
             // Before the foot of a wall that leans outwards one sees ground under its edge.
-            before_m < 0.0 && is_below && behind_m > OUTER_M + SLOPE_MAX * (self.top_m - point_m.z).max(0.0)
+            let nearest_m = OUTER_M + SLOPE_MAX * (self.top_m - point_m.z).max(0.0);
+            // From above one sees the board's own top.
+            let is_low = point_m.z < if eye_m.z < self.bottom_m { self.top_m } else { self.bottom_m };
+            let is_in = is_low && (nearest_m..depth_m + OUTER_M).contains(&behind_m);
+            (before_m < 0.0 && is_in && self.is_along(self.place_m(at(0.0))[1], 0.0))
+                .then(|| [at(0.0).z, at(OUTER_M).z])
         };
-        let is_through_board = |eye_m: Vec3, point_m: Vec3| {
-            let [above_m, below_m] = [eye_m.z - self.bottom_m, self.bottom_m - point_m.z];
-            let [in_m, along_m] = self.place_m(eye_m.lerp(point_m, above_m / (above_m + below_m)));
-            let is_in = (OUTER_M..DEPTH_M_MIN).contains(&in_m) && self.is_along(along_m, -OUTER_M);
-            above_m > 0.0 && below_m > OUTER_M && is_in
-        };
-        let count = |is_it: &dyn Fn(Vec3, Vec3) -> bool| -> usize {
-            let seen = |eye_m: &Vec3| points_m.iter().filter(|point_m| is_it(*eye_m, **point_m)).count();
-            eyes_m.iter().map(seen).sum()
-        };
-        self.bottom_m > table_z_m + TALL_M
-            && count(&is_through) >= THROUGH_MIN
-            && (self.is_seen || count(&is_through_board) < THROUGH_MIN)
+        let lines = eyes_m.iter().flat_map(|eye_m| points_m.iter().filter_map(|point_m| through(*eye_m, *point_m)));
+        let mut lines_m: Vec<[f32; 2]> = lines.collect();
+        let below = lines_m.iter().filter(|[at_m, _]| *at_m < self.bottom_m - OUTER_M).count();
+        if self.bottom_m <= table_z_m + TALL_M || below < THROUGH_MIN {
+            return None;
+        }
+        if self.is_seen {
+            return Some(*self);
+        }
+        lines_m.sort_unstable_by(|a, b| b[1].total_cmp(&a[1]));
+        let bottom_m = lines_m[THROUGH_MIN - 1][1];
+        let board = Self { bottom_m, top_m: self.top_m.max(bottom_m), ..*self };
+        let is_of_it = |at: &&Vec3| board.is_board(**at) && !walls.iter().any(|wall| wall.has(**at));
+        let is_seen = points_m.iter().filter(is_of_it).count() >= THROUGH_MIN;
+        (bottom_m < self.top_m + OUTER_M).then_some(Self { is_seen, ..board })
     }
 
     /// The ends of its upper edge, in metres.
@@ -138,15 +150,8 @@ impl Wall {
         self.ends_m.map(|end_m| (self.offset_m * self.inward + end_m * self.inward.perp()).extend(self.top_m))
     }
 
-    /// Whether it is but an open side, between walls of this height.
-    #[must_use]
-    pub fn is_open(&self) -> bool {
-        self.bottom_m >= self.top_m
-    }
-
     /// Whether a point is no lower than the wall's lower edge.
-    #[must_use]
-    pub fn is_level_with(&self, point_m: Vec3) -> bool {
+    fn is_level_with(&self, point_m: Vec3) -> bool {
         point_m.z > self.bottom_m - WALL_M
     }
 
@@ -162,6 +167,14 @@ impl Wall {
         })
     }
 
+    /// Whether a point is of the board behind this edge.
+    #[must_use]
+    pub fn is_board(&self, point_m: Vec3) -> bool {
+        let [in_m, along_m] = self.place_m(point_m);
+        let is_in = in_m >= -OUTER_M && self.is_along(along_m, OUTER_M);
+        is_in && self.is_level_with(point_m) && point_m.z < self.top_m + LOWER_M
+    }
+
     /// Whether a point is where the board is, or over it, behind this edge.
     #[must_use]
     pub fn is_over(&self, point_m: Vec3) -> bool {
@@ -175,10 +188,10 @@ impl Wall {
 #[must_use]
 pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
     let above_m: Vec<Vec3> = points_m.iter().copied().filter(|point| point.z > table_z_m + FLOOR_M).collect();
-    if above_m.len() < CELLS_MIN {
-        return Vec::new();
-    }
-    let cells_m = Heights::new(&above_m).ridges(table_z_m + TALL_M);
+    let board = board(&above_m, points_m, table_z_m);
+    let is_below = |at: &Vec3| board.as_ref().is_none_or(|cells_m| at.z < cells_m[0].z - OUTER_M);
+    let below_m: Vec<Vec3> = above_m.iter().copied().filter(is_below).collect();
+    let cells_m = Heights::new(&below_m).ridges(table_z_m + TALL_M);
     if cells_m.len() < CELLS_MIN {
         return Vec::new();
     }
@@ -191,7 +204,12 @@ pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
             kept.push(ridge);
         }
     }
-    let sides = completed(enclosing(&kept, table_z_m));
+    let mut sides =
+        board.map_or_else(|| enclosing(&kept, table_z_m), |cells_m| below(&cells_m, &kept, axes, table_z_m));
+    if sides.is_empty() {
+        sides = corner(&kept, axes, points_m, table_z_m);
+    }
+    let sides = completed(sides);
     let middle = |axis: usize| {
         let across = sides.iter().filter(|side| side.axis == axis).map(|side| side.offset_m);
         let along = sides.iter().filter(|side| side.axis != axis).flat_map(|side| side.ends_m);
@@ -411,72 +429,6 @@ impl Ridge {
     }
 }
 
-/// Two walls that face each other, or two with one that connects them and perhaps the one across from it: those of
-/// which most was seen.
-fn enclosing(ridges: &[Ridge], table_z_m: f32) -> Vec<Ridge> {
-    let mut best = (LENGTH_M_MIN, Vec::new());
-    let mut is_best = |sides: Vec<Ridge>, width_m: f32| {
-        let seen_m = |side: &Ridge| if side.axis == sides[0].axis { side.seen_m } else { side.seen_m.min(width_m) };
-        let all_m = sides.iter().map(seen_m).sum::<f32>();
-        if all_m > best.0 {
-            best = (all_m, sides);
-        }
-    };
-    for (place, one) in ridges.iter().enumerate() {
-        let facing = ridges[place + 1..].iter().filter(|other| other.axis == one.axis);
-        for other in facing.filter(|other| (other.offset_m - one.offset_m).abs() >= INNER_M_MIN) {
-            let (left, right) = if one.offset_m < other.offset_m { (one, other) } else { (other, one) };
-            if left.is_as_long(right) && left.is_as_high(right, table_z_m) {
-                is_best(vec![*left, *right], 0.0);
-            }
-            let (between, width_m) = ([left.offset_m, right.offset_m], right.offset_m - left.offset_m);
-            let connects = |base: &&Ridge| {
-                let meets = |arm: &Ridge| {
-                    arm.ends_m.iter().any(|end| (end - base.offset_m).abs() < CORNER_M)
-                        && arm.is_as_high(base, table_z_m)
-                };
-                base.axis != one.axis
-                    && meets(left)
-                    && meets(right)
-                    && left.side_of(base) == right.side_of(base)
-                    && base.between_m(between) >= CONNECTED_SHARE * width_m
-            };
-            for base in ridges.iter().filter(connects) {
-                let is_across = |wall: &&Ridge| {
-                    // A heap's ridge lies across the bin, and the walls beside it go on beyond it.
-                    let side = left.side_of(base);
-                    let ends = |arm: &Ridge| arm.ends_m.iter().all(|end| (end - wall.offset_m) * side < CORNER_M);
-                    wall.axis == base.axis
-                        && wall.is_as_high(base, table_z_m)
-                        && (wall.offset_m - base.offset_m) * side > DEPTH_M_MIN
-                        && ends(left)
-                        && ends(right)
-                        && wall.between_m(between) > 0.5 * width_m
-                };
-                let across = ridges.iter().filter(is_across).max_by(|a, b| a.seen_m.total_cmp(&b.seen_m));
-                is_best([*left, *right, *base].into_iter().chain(across.copied()).collect(), width_m);
-            }
-        }
-    }
-    best.1
-}
-
-/// The same walls, of which the first two face each other, and those that were not seen: where these end.
-fn completed(mut sides: Vec<Ridge>) -> Vec<Ridge> {
-    let [left, right, others @ ..] = &sides[..] else { return sides };
-    let end = |end: usize| 0.5 * (left.ends_m[end] + right.ends_m[end]);
-    let mut unseen_m = vec![end(0), end(1)];
-    for other in others {
-        // The end at which it is not.
-        unseen_m.sort_by(|a, b| (b - other.offset_m).abs().total_cmp(&(a - other.offset_m).abs()));
-        unseen_m.pop();
-    }
-    let (axis, ends_m) = (1 - left.axis, [left.offset_m, right.offset_m]);
-    let unseen = Ridge { axis, ends_m, cells: 0, seen_m: 0.0, ..*left };
-    sides.extend(unseen_m.into_iter().map(|offset_m| Ridge { offset_m, ..unseen }));
-    sides
-}
-
 #[cfg(test)]
 mod tests {
     use schema::axis_angle;
@@ -545,7 +497,10 @@ mod tests {
         let stands: Vec<Vec3> = stands.into_iter().chain(floor).collect();
         let [before, above] = [at(0.12, -0.5, 0.2), at(0.12, 0.05, 0.6)];
         let hanging = |points: &[Vec3], eye: Vec3| -> Vec<Wall> {
-            walls(points, TABLE_M).into_iter().filter(|wall| wall.hangs(points, &[eye], TABLE_M)).collect()
+            {
+                let found = walls(points, TABLE_M);
+                found.iter().filter_map(|wall| wall.board(&found, points, &[eye], TABLE_M)).collect()
+            }
         };
         // Whether a thin one lies on three walls is seen from where an eye would look through it.
         assert_eq!(hanging(&stands, before).len(), 1);
@@ -562,6 +517,54 @@ mod tests {
         assert!(!edge.is_over(at(0.1, 0.1, 0.17)));
     }
 
+    /// Of a shelf from its left: floor, the right side and the back, but for what the board hides from an eye.
+    fn shelf(eye: Vec3) -> Vec<Vec3> {
+        let at = |x, y, z| Vec3::new(x, y, TABLE_M + z);
+        let right = sheet(at(0.25, 0.0, 0.0), 0.24 * Vec3::Y, 0.2 * Vec3::Z);
+        let back = sheet(at(0.0, 0.24, 0.0), 0.25 * Vec3::X, 0.2 * Vec3::Z);
+        let floor = sheet(at(0.01, 0.01, 0.0), 0.23 * Vec3::X, 0.22 * Vec3::Y);
+        let is_hidden = |point: &Vec3| {
+            let share = (TABLE_M + 0.2 - eye.z) / (point.z - eye.z);
+            let board = eye.lerp(*point, share);
+            (0.0..1.0).contains(&share) && (0.0..0.24).contains(&board.y)
+        };
+        right.chain(back).chain(floor).filter(|point| !is_hidden(point)).collect()
+    }
+
+    #[test]
+    fn the_near_side_of_a_shelf_is_where_its_back_ends_and_a_board_may_be_over_what_was_seen() {
+        let eye = Vec3::new(-0.1, -0.4, TABLE_M + 0.25);
+        let points = shelf(eye);
+        let found = walls(&points, TABLE_M);
+        let is_near = |at: Vec3| found.iter().any(|wall| wall.has(at));
+        let [side, thing] = [0.0, 0.12].map(|x| Vec3::new(x, 0.12, TABLE_M + 0.05));
+        assert!(found.len() == 4 && is_near(side) && !is_near(thing), "{found:?}");
+        let boards: Vec<Wall> = found.iter().filter_map(|wall| wall.board(&found, &points, &[eye], TABLE_M)).collect();
+        let [board] = boards[..] else { panic!("{found:?}") };
+        assert!(!board.is_seen && (board.bottom_m - TABLE_M - 0.2).abs() < 0.02 && board.inward.y > 0.9, "{board:?}");
+        // Without a floor it is the outside of a carton.
+        let carton: Vec<Vec3> = points.into_iter().filter(|at| at.x > 0.24 || at.y > 0.23).collect();
+        assert_eq!(walls(&carton, TABLE_M), []);
+    }
+
+    #[test]
+    fn below_a_board_that_is_seen_from_above_walls_are_where_it_ends() {
+        let eye = Vec3::new(-0.1, -0.4, TABLE_M + 0.35);
+        let board = sheet(Vec3::new(-0.004, -0.004, TABLE_M + 0.2), 0.258 * Vec3::X, 0.248 * Vec3::Y);
+        let front = sheet(Vec3::new(0.0, 0.0, TABLE_M + 0.194), 0.25 * Vec3::X, 0.006 * Vec3::Z);
+        let points: Vec<Vec3> = shelf(eye).into_iter().chain(board).chain(front).collect();
+        let found = walls(&points, TABLE_M);
+        let is_near = |at: Vec3| found.iter().any(|wall| wall.has(at));
+        let places = [[0.0, 0.12], [0.25, 0.12], [0.12, 0.24], [0.12, 0.12]];
+        let near = places.map(|[x, y]| is_near(Vec3::new(x, y, TABLE_M + 0.05)));
+        assert_eq!((found.len(), near), (4, [true, true, true, false]), "{found:?}");
+        let boards: Vec<Wall> = found.iter().filter_map(|wall| wall.board(&found, &points, &[eye], TABLE_M)).collect();
+        let [board] = boards[..] else { panic!("{found:?}") };
+        let places = [[0.12, 0.1, 0.2], [0.12, 0.1, 0.15], [0.12, -0.05, 0.2]];
+        let of_it = places.map(|[x, y, z]| board.is_board(Vec3::new(x, y, TABLE_M + z)));
+        assert_eq!((board.is_seen, of_it), (true, [true, false, false]), "{board:?}");
+    }
+
     /// Of the wall next to the eye only the rim is seen, which hides most behind it, and the ground under the rim.
     #[test]
     fn a_rim_over_a_foot_does_not_hang() {
@@ -572,7 +575,7 @@ mod tests {
         let points: Vec<Vec3> = points.iter().filter(is_seen).copied().chain(ground).collect();
         let (eye, found) = (Vec3::new(0.12, -0.5, 0.5), walls(&points, TABLE_M));
         assert_eq!(found.len(), 4, "{found:?}");
-        assert!(!found.iter().any(|wall| wall.hangs(&points, &[eye], TABLE_M)), "{found:?}");
+        assert!(!found.iter().any(|wall| wall.board(&found, &points, &[eye], TABLE_M).is_some()), "{found:?}");
     }
 
     #[test]

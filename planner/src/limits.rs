@@ -94,9 +94,20 @@ impl<'a> Limiter<'a> {
         !self.walls.walls_m.is_empty()
     }
 
+    /// Whether a board may lie on them of which nothing was seen.
+    pub(crate) fn may_have_board(&self) -> bool {
+        self.walls.board.is_some_and(|board| !board.is_seen)
+    }
+
     /// The upper edges of these walls.
     pub(crate) fn edges_m(&self) -> &[Vec<[f32; 3]>] {
         &self.walls.edges_m
+    }
+
+    /// Whether a gripper on its way out gets to where a board may be.
+    pub(crate) fn meets_board(&self, workspace_from_grasp: &Pose) -> bool {
+        let is_over = |board: &Wall| self.way_out_corners_m.iter().any(|at| board.is_over(*workspace_from_grasp * *at));
+        self.walls.board.as_ref().is_some_and(is_over)
     }
 
     /// Of each grasp the first limit that it breaks. The caller is asked once, about all that break no other.
@@ -149,10 +160,10 @@ impl<'a> Limiter<'a> {
         let Walls { things_m, walls_m, board, .. } = &self.walls;
         // Who wants a wall says so. A wall takes no part in other grasps: it holds what is gripped with it.
         let closes_on_wall = || between(things_m) == 0 || between(walls_m) > WALL_POINTS_MAX;
-        let is_over = |board: &Wall| self.way_out_corners_m.iter().any(|at| board.is_over(*workspace_from_grasp * *at));
         let leaves_through = || self.way_out.points_inside_sorted(workspace_from_grasp, walls_m) > WALL_POINTS_MAX;
-        let meets_wall =
-            (self.target_m.is_none() && closes_on_wall()) || board.as_ref().is_some_and(is_over) || leaves_through();
+        let meets_wall = (self.target_m.is_none() && closes_on_wall())
+            || (board.is_some_and(|board| board.is_seen) && self.meets_board(workspace_from_grasp))
+            || leaves_through();
         if !walls_m.is_empty() && meets_wall {
             return Some(Limit::Walls);
         }
@@ -223,23 +234,24 @@ impl Walls {
     /// Those among the points of a surface that cameras saw.
     pub(crate) fn among(points_m: &[Vec3], pieces: &Pieces, views: &[View], table_z_m: f32) -> Self {
         let mut walls = walls(points_m, table_z_m);
+        let eyes_m: Vec<Vec3> = views.iter().map(|view| view.camera.workspace_from_camera.translation).collect();
+        let found = (0..walls.len()).find_map(|n| Some((n, walls[n].board(&walls, points_m, &eyes_m, table_z_m)?)));
+        let board = found.map(|(n, board)| (walls.remove(n), board).1);
         let is_straight = |rim: &Rim| {
             let straight = rim.edge_m.iter().filter(|at| walls.iter().any(|wall| wall.has(**at))).count();
             straight as f32 >= STRAIGHT_SHARE * rim.edge_m.len() as f32
         };
-        let rim = pieces.rim().filter(|rim| !is_straight(rim));
+        let rim = pieces.rim().filter(|rim| board.is_none() && !is_straight(rim));
         if rim.is_some() {
             walls.clear();
         } else if walls.is_empty() {
             return Self::default();
         }
-        let eyes_m: Vec<Vec3> = views.iter().map(|view| view.camera.workspace_from_camera.translation).collect();
-        let board = walls.iter().copied().find(|wall| wall.hangs(points_m, &eyes_m, table_z_m));
         let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
-        walls.retain(|wall| !wall.is_open() && Some(wall) != board.as_ref());
+        walls.retain(|wall| wall.bottom_m < wall.top_m);
         let is_wall = |at: &Vec3| {
             // Below a board's edge are things.
-            let is_edge = board.as_ref().is_some_and(|edge| edge.has(*at) && edge.is_level_with(*at));
+            let is_edge = board.as_ref().is_some_and(|edge| edge.is_board(*at));
             let is_corner = |wall: &Wall| walls.iter().any(|next| wall.turns_into(next, *at));
             is_edge
                 || walls.iter().any(|wall| wall.has(*at) || is_corner(wall))
@@ -345,6 +357,24 @@ mod tests {
         assert_eq!(found(&thing_m, wall(0.22)), refused, "it is between the fingers");
         assert_eq!(found(&[], wall(0.265)), refused, "it closes on nothing");
         assert_eq!(found(&[], Vec::new()), (None, None), "there is no container");
+    }
+
+    #[test]
+    fn a_hand_that_leaves_through_a_board_is_refused_if_the_board_was_seen() {
+        let (config, limits) = (BuiltIn::Judge.config().unwrap(), Limits::default());
+        let down = Pose::from_parts(Vec3::new(0.1, 0.2, 0.08), WRIST_DOWN);
+        // The palm's upper side is 90 mm over the tips, and goes up by 100 mm.
+        let found = |bottom_m: f32, is_seen: bool| {
+            let (inward, ends_m) = (schema::Vec2::Y, [-0.3, 0.3]);
+            let edge = Wall { inward, offset_m: 0.05, ends_m, top_m: bottom_m, bottom_m, slope: 0.0, is_seen };
+            let (things_m, walls_m) = (vec![Vec3::new(0.1, 0.2, 0.09)], vec![Vec3::splat(1.0)]);
+            let walls = Walls { things_m, walls_m, board: Some(edge), ..Walls::default() };
+            let limiter = Limiter::new(&limits, &config, None, walls, &|_| true, &everything);
+            (limiter.broken(&[down])[0], limiter.may_have_board(), limiter.meets_board(&down))
+        };
+        assert_eq!(found(0.25, true), (Some(Limit::Walls), false, true));
+        assert_eq!(found(0.25, false), (None, true, true), "nobody knows");
+        assert_eq!(found(0.30, true), (None, false, false), "it is higher");
     }
 
     #[test]

@@ -14,14 +14,14 @@ const RUST_MAX: &[(&str, usize)] = &[
     ("shards", 3704),
     ("inspect", 1027),
     ("simulator", 5188),
-    ("perception", 2750),
+    ("perception", 2830),
     ("grasps", 768),
     ("network", 2400),
     ("generator", 4361),
-    ("trainer", 2845),
-    ("planner", 5178),
+    ("trainer", 2775),
+    ("planner", 5188),
     ("experiments", 1255),
-    ("cli", 2723),
+    ("cli", 2704),
     ("python", 1610),
 ];
 
