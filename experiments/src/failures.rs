@@ -1,6 +1,5 @@
 //! Grasps that failed, as rows of a dataset, which can be executed again and shown.
 
-use generator::draw_container;
 use schema::{
     Approach, AttemptRecord, ObjectRecord, ObjectShape, Outcome, Rule, SceneRecord, SceneRows, Shape, ShapeKind, Solid,
     Vec3,
@@ -21,7 +20,7 @@ pub fn failures(config: &Config, rounds: &[Round], most: usize) -> (DatasetInfo,
     let most = if config.keys.touching == Touching::Halts { 0 } else { most };
     let named = |(round, number): &(&Round, usize)| {
         let name = format!("{}-{number}-{}", round.round, round.attempts[*number].outcome.name());
-        Some((name, rows_of(config, &info, round, *number)?))
+        Some((name, rows_of(&info, round, *number)?))
     };
     let every = all.len().div_ceil(most.max(1)).max(1);
     let some = all.iter().step_by(every).take(most).filter_map(named).collect();
@@ -29,7 +28,7 @@ pub fn failures(config: &Config, rounds: &[Round], most: usize) -> (DatasetInfo,
 }
 
 /// An attempt's rows; none if an object of it is not known.
-fn rows_of(config: &Config, info: &DatasetInfo, round: &Round, number: usize) -> Option<SceneRows> {
+fn rows_of(info: &DatasetInfo, round: &Round, number: usize) -> Option<SceneRows> {
     let (attempt, scene_id) = (round.attempts.get(number)?, round.scene_id);
     let object = |(id, object): (usize, &AttemptObject)| {
         let shape = match info.models.iter().position(|model| model.name == object.body) {
@@ -39,8 +38,7 @@ fn rows_of(config: &Config, info: &DatasetInfo, round: &Round, number: usize) ->
         let AttemptObject { mass_kg, friction, workspace_from_object, .. } = *object;
         Some(ObjectRecord { scene_id, object_id: id as u32, shape, mass_kg, friction, workspace_from_object })
     };
-    let container = draw_container(&config.scene.container, round.seed, scene_id);
-    let scene = SceneRecord { scene_id, attempt_count: 1, container, ..SceneRecord::default() };
+    let scene = SceneRecord { scene_id, attempt_count: 1, container: round.container, ..SceneRecord::default() };
     let attempt_row = AttemptRecord {
         scene_id,
         attempt_id: number as u32,

@@ -114,7 +114,9 @@ mod tests {
             lost_count: 1,
             ending: Ending::NoGrasp,
             no_answer: None,
+            container: None,
             attempts: Vec::new(),
+            left: Vec::new(),
         }
     }
 

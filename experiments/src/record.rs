@@ -1,6 +1,6 @@
 //! The rows of an experiment: one per round, one per attempt. As JSON, a round is a line of the journal.
 
-use schema::{HitKind, Outcome, Pose, Quat, pose_from_parts};
+use schema::{Container, HitKind, Outcome, Pose, Quat, pose_from_parts};
 use serde::{Deserialize, Serialize};
 use settings::words;
 use simulator::SceneObject;
@@ -49,9 +49,14 @@ pub struct Round {
     /// Why a planner gave no answer, if the round ended by that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub no_answer: Option<String>,
+    /// What the objects lie in.
+    pub container: Option<Container>,
     /// The grasps that were executed, in order.
     #[serde(rename = "trials")]
     pub attempts: Vec<Attempt>,
+    /// The objects that are left at the end, none if the table was cleared.
+    #[serde(default)]
+    pub left: Vec<AttemptObject>,
 }
 
 /// An executed grasp.

@@ -7,6 +7,7 @@
 
 use std::time::Instant;
 
+use generator::draw_container;
 use perception::add_depth_noise;
 use planner::View;
 use program::{ExitCode, Failure, error_chain};
@@ -32,13 +33,11 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
     let (seed, scene_id) = (config.keys.seeds[(round / config.keys.rounds) as usize], round % config.keys.rounds);
     let failed = |why: String| Failure::new(ExitCode::Config, format!("round {round}: {why}"));
     let began = start(config, seed, scene_id);
-    let none = || {
-        let tries_max = config.scene.settle.tries_max;
-        failed(format!(
-            "no scene: {tries_max} were rejected, or {UNVIABLE_MAX} had an object that the gripper cannot span"
-        ))
-    };
-    let Start { mut scene, group, unviable_count } = began.ok_or_else(none)?;
+    let none = format!(
+        "no scene: {} were rejected, or {UNVIABLE_MAX} had an object that the gripper cannot span",
+        config.scene.settle.tries_max
+    );
+    let Start { mut scene, group, unviable_count } = began.ok_or_else(|| failed(none))?;
     let mut played = Round {
         round,
         seed,
@@ -50,7 +49,9 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
         lost_count: 0,
         ending: Ending::Cleared,
         no_answer: None,
+        container: draw_container(&config.scene.container, seed, scene_id),
         attempts: Vec::new(),
+        left: Vec::new(),
     };
     // The number of changes of the scene, and the grasps of its plan that were tried. An unchanged scene gives the same
     // observation.
@@ -95,8 +96,8 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
             Err(_) => break Ending::Unsettled,
         }
     };
-    let left_count = scene.objects.len() as u32; // none if the table was cleared
-    played.lost_count = (played.object_count - played.removed_count).saturating_sub(left_count);
+    played.left = scene.objects.iter().map(AttemptObject::from).collect();
+    played.lost_count = (played.object_count - played.removed_count).saturating_sub(played.left.len() as u32);
     Ok(played)
 }
 

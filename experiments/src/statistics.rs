@@ -219,7 +219,9 @@ mod tests {
             lost_count: 0,
             ending,
             no_answer: None,
+            container: None,
             attempts,
+            left: Vec::new(),
         }
     }
 

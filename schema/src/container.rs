@@ -3,13 +3,15 @@
 //! A container is a few numbers, from which its convex parts follow. It stands in the middle of the workspace, its
 //! sides along the workspace's axes; the table is its floor.
 
+use serde::{Deserialize, Serialize};
 use settings::words;
 
 use crate::{Grid, Polyhedron, Vec3};
 
 words! {
     /// Kinds of containers.
-    #[derive(PartialOrd, Ord)]
+    #[derive(PartialOrd, Ord, Deserialize)]
+    #[serde(rename_all = "snake_case")]
     pub enum ContainerKind {
         /// Four walls.
         Bin = "bin",
@@ -21,7 +23,7 @@ words! {
 }
 
 /// A container.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Container {
     /// Its kind.
     pub kind: ContainerKind,

@@ -231,3 +231,23 @@ fn seeds_are_told_apart_and_runs_compared() {
     let (code, said) = told(&run(&["report", folder.path().to_str().unwrap()]));
     assert_eq!(code, Some(78), "{said}");
 }
+
+#[test]
+fn a_round_has_its_container_and_what_is_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let (config, sure) = (config("bin.toml"), "plan.detection.quality_min=0.999999");
+    let output =
+        run(&["run", config.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", "3", "--set", sure]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    for line in rounds(&out) {
+        let round: serde_json::Value = serde_json::from_str(&line).unwrap();
+        let (container, left) = (&round["container"], round["left"].as_array().unwrap());
+        let inner_m = container["inner_m"].as_array().unwrap().iter().map(|side| side.as_f64().unwrap());
+        assert!(inner_m.clone().all(|side| (0.2..=0.28).contains(&side)) && container["kind"] == "bin", "{line}");
+        let [count, removed, lost] = ["object_count", "removed_count", "lost_count"].map(|key| round[key].as_u64());
+        assert_eq!(count.unwrap() - removed.unwrap() - lost.unwrap(), left.len() as u64, "{line}");
+        assert!(round["ending"] == "no_grasp" && !left.is_empty(), "{line}");
+        assert!(left.iter().all(|object| object["size_m"].is_array() && object["friction"].as_f64() > Some(0.0)));
+    }
+}

@@ -3,8 +3,7 @@
 use schema::{Vec2, Vec3};
 
 use super::{
-    CONNECTED_SHARE, CORNER_M, DEPTH_M_MIN, INNER_M_MIN, LENGTH_M_MIN, LOWER_M, OUTER_M, RIDGE_M_MIN, Ridge, TALL_M,
-    THROUGH_MIN,
+    CONNECTED_SHARE, CORNER_M, DEPTH_M_MIN, INNER_M_MIN, LENGTH_M_MIN, LOWER_M, OUTER_M, Ridge, TALL_M, THROUGH_MIN,
 };
 use crate::heights::{CELL_M, Heights};
 
@@ -34,13 +33,12 @@ pub(super) fn below(cells_m: &[Vec3], ridges: &[Ridge], axes: [Vec2; 2], table_z
         let offsets_m = cells_m.iter().map(|at| at.truncate().dot(axis));
         offsets_m.fold([f32::INFINITY, f32::NEG_INFINITY], |[low_m, high_m], at| [low_m.min(at), high_m.max(at)])
     });
-    let below = ends_m;
-    for ridge in ridges.iter().filter(|ridge| ridge.between_m(below[1 - ridge.axis]) >= RIDGE_M_MIN) {
+    for ridge in ridges {
         let [low_m, high_m] = ends_m[ridge.axis];
-        if ridge.offset_m < low_m - INNER_M_MIN || ridge.offset_m > high_m + INNER_M_MIN {
-            continue;
+        let beyond_m = (low_m - ridge.offset_m).max(ridge.offset_m - high_m);
+        if beyond_m < INNER_M_MIN && ridge.between_m(ends_m[1 - ridge.axis]) >= DEPTH_M_MIN {
+            ends_m[ridge.axis] = [low_m.min(ridge.offset_m), high_m.max(ridge.offset_m)];
         }
-        ends_m[ridge.axis] = [low_m.min(ridge.offset_m), high_m.max(ridge.offset_m)];
     }
     let (axis, top_m, cells, seen_m) = (0, table_z_m + TALL_M, 0, 0.0);
     ends_m[0].map(|offset_m| Ridge { axis, offset_m, ends_m: ends_m[1], top_m, cells, seen_m }).to_vec()
