@@ -39,6 +39,14 @@ pub fn quantile(ascending: &[f64], share: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
+    #[test]
+    fn quantiles_lie_between_neighbours() {
+        let ascending = [1.0, 2.0, 3.0, 4.0];
+        assert_eq!(quantile(&ascending, 0.5), Some(2.5));
+        assert!((quantile(&ascending, 0.9).unwrap() - 3.7).abs() < 1e-12);
+        assert_eq!(quantile(&[], 0.5), None);
+    }
+
     /// With one sample per group the interval is the binomial's. If the samples of a group agree, its width depends on
     /// the number of groups: √10 times wider for ten samples per group.
     #[test]

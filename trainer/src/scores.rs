@@ -172,9 +172,8 @@ pub fn average_precision_by_scene(samples: &[(u32, Score)]) -> Option<(f64, f64)
 mod tests {
     use proptest::prelude::*;
 
-    use schema::statistics::quantile;
-
     use super::*;
+    use schema::statistics::quantile;
     use schema::{Purpose, Stream};
 
     fn scores(values: &[(f32, bool)]) -> Vec<Score> {

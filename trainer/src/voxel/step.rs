@@ -11,8 +11,7 @@ use super::loss::Target;
 use super::{VoxelSample, closing_loss, loss};
 use crate::batch::Batch;
 use crate::device::Device;
-use crate::results::sum;
-use crate::results::{SampleResult, StepResult};
+use crate::results::{SampleResult, StepResult, sum};
 
 /// Loss and gradient of a batch. Parts of the batch run in parallel; their gradients are added in order, so the result
 /// does not depend on the number of threads.

@@ -140,10 +140,9 @@ fn results(part: &BatchPart<'_>, prediction: Prediction, losses: SampleLosses) -
     let (total, quality) = (to_host(losses.total.inner()), to_host(losses.quality.inner()));
     let (rotation, width) = (to_host(losses.rotation.inner()), to_host(losses.width.inner()));
     let logits = to_host(prediction.quality_logit.inner());
-    let units = to_host(prediction.rotation.inner().flatten::<1>(0, 1));
-    let samples = part.targets.iter().zip(units.as_chunks::<4>().0).enumerate();
+    let samples = part.targets.iter().enumerate();
     samples
-        .map(|(at, (target, unit))| SampleResult {
+        .map(|(at, target)| SampleResult {
             total: total[at],
             quality: quality[at],
             rotation: rotation[at],
