@@ -7,7 +7,6 @@
 
 use std::time::Instant;
 
-use generator::draw_container;
 use perception::add_depth_noise;
 use planner::View;
 use program::{ExitCode, Failure, error_chain};
@@ -37,7 +36,7 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
         "no scene: {} were rejected, or {UNVIABLE_MAX} had an object that the gripper cannot span",
         config.scene.settle.tries_max
     );
-    let Start { mut scene, group, unviable_count } = began.ok_or_else(|| failed(none))?;
+    let Start { mut scene, container, group, unviable_count } = began.ok_or_else(|| failed(none))?;
     let mut played = Round {
         round,
         seed,
@@ -49,7 +48,7 @@ pub fn play(config: &Config, planner: &dyn Plans, round: u64) -> Result<Round, F
         lost_count: 0,
         ending: Ending::Cleared,
         no_answer: None,
-        container: draw_container(&config.scene.container, seed, scene_id),
+        container,
         attempts: Vec::new(),
         left: Vec::new(),
     };

@@ -1,8 +1,8 @@
 //! The start of a round: objects are drawn, released and come to rest.
 
 use generator::{draw_container, draw_drops, draw_packed, draw_release, room_m};
-use schema::{Polyhedron, Purpose, Stream, Vec3};
-use simulator::{Scene, SceneObject, Settled, Unsettled, settle, settle_again};
+use schema::{Container, Polyhedron, Purpose, Stream, Vec3};
+use simulator::{Scene, SceneObject, Settled, settle, settle_again};
 
 use crate::catalogue::CatalogueObject;
 use crate::config::{Config, Objects};
@@ -16,6 +16,8 @@ pub(crate) const UNVIABLE_MAX: u32 = 10_000;
 pub struct Start {
     /// The objects, at rest.
     pub scene: Scene,
+    /// What they lie in.
+    pub container: Option<Container>,
     /// Kind of the scene: "pile", "packed", or the catalogue's name of the set.
     pub group: String,
     /// Number of rejected scenes with an object that the gripper cannot span.
@@ -27,9 +29,10 @@ pub struct Start {
 pub fn start(config: &Config, seed: u64, scene_id: u64) -> Option<Start> {
     let (mut unviable_count, mut rejected_count) = (0, 0);
     let group = config.objects.group(scene_id);
+    let container = draw_container(&config.scene.container, seed, scene_id);
     while rejected_count < config.scene.settle.tries_max && unviable_count < UNVIABLE_MAX {
-        let settled = settled(config, seed, scene_id, rejected_count + unviable_count);
-        let whole = settled.ok().filter(|it| it.scene.objects.len() >= config.objects.count_min(scene_id));
+        let settled = settled(config, container.as_ref(), seed, scene_id, rejected_count + unviable_count);
+        let whole = settled.filter(|it| it.scene.objects.len() >= config.objects.count_min(scene_id));
         let Some(Settled { scene, .. }) = whole else {
             rejected_count += 1;
             continue;
@@ -38,17 +41,16 @@ pub fn start(config: &Config, seed: u64, scene_id: u64) -> Option<Start> {
             unviable_count += 1;
             continue;
         }
-        return Some(Start { scene, group, unviable_count });
+        return Some(Start { scene, container, group, unviable_count });
     }
     None
 }
 
-fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Settled, Unsettled> {
+fn settled(config: &Config, container: Option<&Container>, seed: u64, scene_id: u64, tries: u32) -> Option<Settled> {
     let generator::Config { physics, settle: params, grid, objects, .. } = &config.scene;
-    let container = draw_container(&config.scene.container, seed, scene_id);
     let fixtures = container.map_or_else(Vec::new, |container| container.parts(grid));
-    let room_m = room_m(container.as_ref(), objects.side_m(grid));
-    match &config.objects {
+    let room_m = room_m(container, objects.side_m(grid));
+    let settled = match &config.objects {
         Objects::Pile { count } => {
             let objects = generator::ObjectParams { counts: vec![*count], count_weights: vec![1.0], ..objects.clone() };
             let drops = draw_drops(&objects, grid, room_m, f32::INFINITY, seed, scene_id, tries);
@@ -56,7 +58,7 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
         }
         Objects::Packed { count, params: packed } => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
-            let placed = draw_packed(objects, packed, grid, container.as_ref(), f32::INFINITY, *count, &mut stream);
+            let placed = draw_packed(objects, packed, grid, container, f32::INFINITY, *count, &mut stream);
             settle_again(physics, params, grid, &fixtures, &placed)
         }
         Objects::Things(groups) => {
@@ -72,7 +74,8 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
             stream.shuffle(&mut drops);
             settle(physics, params, grid, &fixtures, &drops)
         }
-    }
+    };
+    settled.ok()
 }
 
 /// Whether a gripper from above can span some part of the object along some horizontal direction.
