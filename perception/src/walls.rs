@@ -1,8 +1,8 @@
 //! The walls of a bin, a tray or a shelf among the points of a surface.
 //!
 //! A wall is a straight and thin ridge: lower on both sides, and about as high all along. One ridge may be a book or a
-//! handle. Two that face each other and are as long, or three at right angles that meet, enclose a floor, and no
-//! object's width lies between them. Where the other walls must be, the points that were seen are theirs.
+//! handle. Two that face each other and are as long, three at right angles that meet, or two tall ones, enclose a
+//! floor, and no object's width lies between them. The other walls are what was seen there, or where a board ends.
 
 mod sides;
 
@@ -114,6 +114,7 @@ impl Wall {
     /// these walls; it is seen if anything but walls was seen there.
     #[must_use]
     pub fn board(&self, walls: &[Self], points_m: &[Vec3], eyes_m: &[Vec3], table_z_m: f32) -> Option<Self> {
+        (self.bottom_m > table_z_m + TALL_M).then_some(())?;
         let depth_m = walls.iter().flat_map(Self::edge_m).map(|at| self.place_m(at)[0]).fold(0.0, f32::max);
         // The heights of a line of sight at the wall and a little behind it.
         let through = |eye_m: Vec3, point_m: Vec3| {
@@ -130,7 +131,7 @@ impl Wall {
         let lines = eyes_m.iter().flat_map(|eye_m| points_m.iter().filter_map(|point_m| through(*eye_m, *point_m)));
         let mut lines_m: Vec<[f32; 2]> = lines.collect();
         let below = lines_m.iter().filter(|[at_m, _]| *at_m < self.bottom_m - OUTER_M).count();
-        if self.bottom_m <= table_z_m + TALL_M || below < THROUGH_MIN {
+        if below < THROUGH_MIN {
             return None;
         }
         if self.is_seen {
@@ -188,10 +189,11 @@ impl Wall {
 #[must_use]
 pub fn walls(points_m: &[Vec3], table_z_m: f32) -> Vec<Wall> {
     let above_m: Vec<Vec3> = points_m.iter().copied().filter(|point| point.z > table_z_m + FLOOR_M).collect();
-    let board = board(&above_m, points_m, table_z_m);
-    let is_below = |at: &Vec3| board.as_ref().is_none_or(|cells_m| at.z < cells_m[0].z - OUTER_M);
-    let below_m: Vec<Vec3> = above_m.iter().copied().filter(is_below).collect();
-    let cells_m = Heights::new(&below_m).ridges(table_z_m + TALL_M);
+    let whole = Heights::new(&above_m);
+    let board = board(&whole, points_m, table_z_m);
+    let below_m = |z_m: f32| -> Vec<Vec3> { above_m.iter().copied().filter(|at| at.z < z_m).collect() };
+    let heights = board.as_ref().map_or(whole, |board_m| Heights::new(&below_m(board_m[0].z - OUTER_M)));
+    let cells_m = heights.ridges(table_z_m + TALL_M);
     if cells_m.len() < CELLS_MIN {
         return Vec::new();
     }
@@ -542,9 +544,8 @@ mod tests {
         let boards: Vec<Wall> = found.iter().filter_map(|wall| wall.board(&found, &points, &[eye], TABLE_M)).collect();
         let [board] = boards[..] else { panic!("{found:?}") };
         assert!(!board.is_seen && (board.bottom_m - TABLE_M - 0.2).abs() < 0.02 && board.inward.y > 0.9, "{board:?}");
-        // Without a floor it is the outside of a carton.
         let carton: Vec<Vec3> = points.into_iter().filter(|at| at.x > 0.24 || at.y > 0.23).collect();
-        assert_eq!(walls(&carton, TABLE_M), []);
+        assert_eq!(walls(&carton, TABLE_M), [], "without a floor it is the outside of a carton");
     }
 
     #[test]

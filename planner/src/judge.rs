@@ -45,7 +45,12 @@ impl Method for Judge {
         // Grasps whose tips are nearer to each other than this close on the same thing: it is no wider than the gripper
         // opens.
         let other_m = 0.5 * config.gripper.opening_m_max;
-        let mut ask = |off_m: &[Vec3], is_of_things: bool, is_below: bool| {
+        // In a container the next grasp is of another thing, if there is one: this one is heavy, slippery, or held by
+        // what nobody sees, and a second grasp of it likely fails, too. What is no thing comes last, as does what a
+        // board may be over that nobody saw.
+        let off_m = if limiter.is_in_container() { &failed_m[..] } else { &[] };
+        let (is_of_things, is_below) = (doubts.are_beside_things(), limiter.may_have_board());
+        let mut ask = |is_any: bool| {
             let are_wanted = |candidates: &[Grasp]| {
                 let offered = |grasp: &Grasp| towards_wrist(&config.gripper, &grasp.workspace_from_grasp, wrist);
                 let broken = limiter.broken(&candidates.iter().map(offered).collect::<Vec<_>>());
@@ -55,7 +60,7 @@ impl Method for Judge {
                         && !(is_of_things && doubts.of(&grasp.workspace_from_grasp).is_some())
                         && !(is_below && limiter.meets_board(&grasp.workspace_from_grasp))
                 };
-                candidates.iter().zip(broken).map(|(grasp, broken)| broken.is_none() && is_meant(grasp)).collect()
+                candidates.iter().zip(broken).map(|(it, broken)| broken.is_none() && (is_any || is_meant(it))).collect()
             };
             let are_wanted = &are_wanted;
             let search = Search { proposals, asked, spread, previous, apart_m, about_m, are_wanted, better };
@@ -63,16 +68,10 @@ impl Method for Judge {
         };
         let epsilon = config.detection.quality_min;
         let (judged, proposed) = timed(timings_ms, "judge", || {
-            // In a container the next grasp is of another thing, if there is one: this one is heavy, slippery, or held
-            // by what nobody sees, and a second grasp of it likely fails, too. What is no thing comes last,
-            // as does what a board may be over that nobody saw.
-            let off_m = if limiter.is_in_container() { &failed_m[..] } else { &[] };
-            let is_of_things = doubts.are_beside_things();
-            let is_below = limiter.may_have_board();
-            let others = ask(off_m, is_of_things, is_below);
+            let others = ask(false);
             let is_all = off_m.is_empty() && !is_of_things && !is_below;
             let is_enough = is_all || others.0.first().is_some_and(|best| best.quality() >= epsilon);
-            if is_enough { others } else { ask(&[], false, false) }
+            if is_enough { others } else { ask(true) }
         });
         selected(judged, proposed, request)
     }

@@ -12,8 +12,7 @@ const FLOOR_SHARE_MIN: f32 = 0.3;
 
 /// The cells of a wide and level board over what was seen below it, if there is one. It hides that its walls are
 /// ridges.
-pub(super) fn board(above_m: &[Vec3], points_m: &[Vec3], table_z_m: f32) -> Option<Vec<Vec3>> {
-    let heights = Heights::new(above_m);
+pub(super) fn board(heights: &Heights, points_m: &[Vec3], table_z_m: f32) -> Option<Vec<Vec3>> {
     let cell_m = |cell: usize| heights.place_m(cell).extend(heights.top_m[cell]);
     let mut cells_m: Vec<Vec3> = (0..heights.top_m.len()).map(cell_m).filter(|at| at.z > table_z_m + TALL_M).collect();
     cells_m.sort_unstable_by(|a, b| a.z.total_cmp(&b.z));
@@ -99,7 +98,6 @@ pub(super) fn enclosing(ridges: &[Ridge], table_z_m: f32) -> Vec<Ridge> {
 pub(super) fn corner(ridges: &[Ridge], axes: [Vec2; 2], points_m: &[Vec3], table_z_m: f32) -> Vec<Ridge> {
     let is_tall = |ridge: &&Ridge| ridge.top_m >= table_z_m + TALL_M - LOWER_M && ridge.seen_m >= DEPTH_M_MIN;
     let tall = || ridges.iter().filter(is_tall);
-    let low_m: Vec<Vec3> = points_m.iter().copied().filter(|at| at.z < table_z_m + TALL_M - LOWER_M).collect();
     let found = tall().flat_map(|side| tall().map(move |base| (side, base))).filter_map(|(side, base)| {
         // Where it ends, if it begins at the other.
         let end = |of: &Ridge, from: &Ridge| {
@@ -114,11 +112,12 @@ pub(super) fn corner(ridges: &[Ridge], axes: [Vec2; 2], points_m: &[Vec3], table
         let (offset_m, seen_m) = facing.map_or((across_m, 0.0), |other| (other.offset_m, other.seen_m));
         let ends = [Vec2::new(side.offset_m, base.offset_m), Vec2::new(offset_m, front_m)];
         let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-        let is_in = |at: &Vec3| {
-            let at = Vec2::from_array([side, base].map(|wall| at.truncate().dot(axes[wall.axis])));
-            at.cmpgt(low + OUTER_M).all() && at.cmplt(high - OUTER_M).all()
+        let is_in = |point_m: &Vec3| {
+            let at = Vec2::from_array([side, base].map(|wall| point_m.truncate().dot(axes[wall.axis])));
+            let is_low = point_m.z < table_z_m + TALL_M - LOWER_M;
+            is_low && at.cmpgt(low + OUTER_M).all() && at.cmplt(high - OUTER_M).all()
         };
-        let floor = Heights::new(&low_m.iter().copied().filter(is_in).collect::<Vec<_>>());
+        let floor = Heights::new(&points_m.iter().copied().filter(is_in).collect::<Vec<_>>());
         let seen = floor.top_m.iter().filter(|top_m| top_m.is_finite()).count() as f32 * CELL_M * CELL_M;
         let (size, all_m) = (high - low, side.seen_m + base.seen_m + seen_m);
         let is_wide = size.min_element() > DEPTH_M_MIN && all_m > LENGTH_M_MIN;
